@@ -264,7 +264,7 @@ class Expressions:
         return f"({text} + {k})", kind
 
     def _mark(self, node: ast.Call) -> Expression:
-        self.inline = self.object_of(node.func).__name__ == "inside"
+        self.inline = self.object_of(node.func).__name__ == "inline"
         return "", types.void
 
     def _addressed(self, node: ast.Call) -> Expression:
@@ -335,7 +335,7 @@ def _is_special(called: Any) -> bool:
 
 
 _SPECIAL: Mapping[str, Callable[[Expressions, ast.Call], Expression]] = {
-    "apart": Expressions._mark, "together": Expressions._mark, "inside": Expressions._mark,
+    "no_inline": Expressions._mark, "no_inline_vectorised": Expressions._mark, "inline": Expressions._mark,
     "shifted": Expressions._shifted, "after": Expressions._shifted, "numbers_of": Expressions._addressed,
     "vectors": Expressions._addressed, "twists": Expressions._addressed,
     "width": Expressions._count, "abs": Expressions._absolute,

@@ -15,7 +15,7 @@ the type of a variable is the widest type assigned to it. The subset of Python:
   arguments' types; ``kernel(table, WHICH)(...)`` calls one of the printer's kernels.
 - Intrinsics ``vectors`` and ``numbers_of``, which give addresses another type; ``width`` of vectors. Branches of
   another ``width(...) == D`` are left out.
-- The marks ``apart``, ``together`` and ``inside``.
+- The marks ``no_inline``, ``no_inline_vectorised`` and ``inline``.
 
 C leaves the order open in which the operands of an expression are computed: none may store what another one reads.
 All else raises NotImplementedError with the function, the line and the construct.

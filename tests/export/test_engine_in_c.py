@@ -28,7 +28,7 @@ NUMBERS = {"b": 2, "n": 4, "act": 2, "count": 3}
 """Whole numbers by the names of arguments: a body on another one, a node or section of a body, a load; else 0 or 1."""
 ROOMS = ("body", "joints", "layout", "dense_lu", "articulated", "kinematics", "deformation", "axes", "wrenches")
 """Modules whose functions every run compares; numba compiles the others in half a minute."""
-WHOLE_RUNS = ("integrate", "finish", "soften", "add_in_stages", "settle")
+WHOLE_RUNS = ("integrate", "add_compliance", "prepare_next_step", "settle")
 """Functions that take as many steps as rounding lets them, or serve contacts, which the scene does not have, or space:
 runs in C are compared with Python's in test_coupled_c."""
 C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, types.boolean: ctypes.c_bool}

@@ -80,7 +80,7 @@ def marked(*attributes):
 
 
 @intrinsic
-def apart(typing):
+def no_inline(typing):
     """Keep the calling function one piece of machine code, not inlined, with its loops as written.
 
     Unrolling and vectorising would take most of the compiler's time without gain for a few shapes per body.
@@ -89,8 +89,8 @@ def apart(typing):
 
 
 @intrinsic
-def together(typing):
-    """As :func:`apart`, for functions with loops long enough to be vectorised."""
+def no_inline_vectorised(typing):
+    """As :func:`no_inline`, for functions with loops long enough to be vectorised."""
     return marked("noinline")
 
 

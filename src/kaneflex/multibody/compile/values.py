@@ -110,7 +110,7 @@ def width(typing, of):
 
 
 @intrinsic
-def inside(typing):
+def inline(typing):
     """Copy the calling function into its callers, for a few operations on values or a record of addresses."""
     return marked("alwaysinline")
 
@@ -149,13 +149,13 @@ def by_size(plane: Any, space: Any) -> Any:
 @njit(**IN_ORDER)
 def row_length(m):
     """Numbers of a cut's row: residual, two rates, Jacobian by two twists."""
-    inside()
+    inline()
     return 3 + 2 * width(m)
 
 
 @njit(**IN_ORDER)
 def copy(of, out, count):
     """Copy numbers or vectors, real ones also into complex ones."""
-    inside()
+    inline()
     for k in range(count):
         out[k] = of[k]

@@ -18,8 +18,8 @@ from collections import namedtuple
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, magnitude, together
-from kaneflex.multibody.compile.values import after, inside, numbers_of, width
+from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, magnitude, no_inline_vectorised
+from kaneflex.multibody.compile.values import after, inline, numbers_of, width
 from kaneflex.multibody.dynamics.algebra import add_product, axpy, dot, force_at, plus, scaled, times, twist_at
 from kaneflex.multibody.model.layout import COUPLING, DOF, FIRST, MODAL, OUTBOARD, PARENT_BODY, SHAPES, SQUARE
 
@@ -28,9 +28,9 @@ Section = namedtuple("Section", "n I E L phi place modal")
 
 
 @njit(**OPTIONS)
-def body(a, b):
+def body_arrays(a, b):
     """Matrices and axes of a body."""
-    inside()
+    inline()
     d, n, push = width(a.S), a.bodies[b, SHAPES], a.bodies[b, FIRST]
     return Body(n, a.bodies[b, DOF], after(a.I, d * b), after(a.E, a.bodies[b, COUPLING]),
                 after(a.L, a.bodies[b, SQUARE]), after(a.S, push), after(a.U, push), after(a.D, push), push,
@@ -38,9 +38,9 @@ def body(a, b):
 
 
 @njit(**OPTIONS)
-def held_by(a, b):
+def carrier_of(a, b):
     """Section that carries a body, with the matrices of the parent."""
-    inside()
+    inline()
     up, out = a.bodies[b, PARENT_BODY], a.bodies[b, OUTBOARD]
     n = a.bodies[up, SHAPES] if out >= 0 else 0
     return Section(n, after(a.I, width(a.S) * up), after(a.E, a.bodies[up, COUPLING]),
@@ -51,7 +51,7 @@ def held_by(a, b):
 @njit(**IN_ORDER)
 def _factorise_shapes(L, n):
     """L D L^T of the lower triangle in place, 1/D on the diagonal; False: a pivot vanishes."""
-    together()
+    no_inline_vectorised()
     for i in range(n):
         row = n * i
         for j in range(i):
@@ -73,7 +73,7 @@ def _factorise_shapes(L, n):
 @njit(**IN_ORDER)
 def _condense(b):
     """Eliminate a body's shapes; rows of E become their response to a unit twist."""
-    together()
+    no_inline_vectorised()
     I, E, L, n = b.I, b.E, b.L, b.n
     if not _factorise_shapes(L, n):
         return False
@@ -96,7 +96,7 @@ def _condense(b):
 @njit(**IN_ORDER)
 def _release(b, free):
     """Eliminate the freedoms of a body's joint, one after the other; D begins with the coordinates' own inertia."""
-    together()
+    no_inline_vectorised()
     for j in range(b.f):
         felt = times(b.I, b.S[j])
         b.U[j] = felt
@@ -113,7 +113,7 @@ def _release(b, free):
 @njit(**IN_ORDER)
 def transport(I, r):
     """Inertia referred to another point, r away: X^T I X."""
-    together()
+    no_inline_vectorised()
     d, numbers = width(I), numbers_of(I)
     for _ in range(2):
         for k in range(d):
@@ -126,7 +126,7 @@ def transport(I, r):
 @njit(**IN_ORDER)
 def _hand_over(I, arm, up, E):
     """Add an articulated inertia to the matrices of the parent at the section ``up``; E is working space."""
-    together()
+    no_inline_vectorised()
     transport(I, arm)
     for i in range(up.n):
         e = times(I, up.phi[i])
@@ -143,20 +143,20 @@ def _hand_over(I, arm, up, E):
 def factorise(a):
     """Factorise the matrices in place, lower triangles of L, with the coordinates' own inertia in D; False: a pivot
     vanishes."""
-    together()
+    no_inline_vectorised()
     for b in range(a.counts[0] - 1, -1, -1):
-        own = body(a, b)
+        own = body_arrays(a, b)
         if not (_condense(own) and _release(own, a.free)):
             return False
         if a.bodies[b, PARENT_BODY] >= 0:
-            _hand_over(own.I, a.arm[b], held_by(a, b), a.room)
+            _hand_over(own.I, a.arm[b], carrier_of(a, b), a.room)
     return True
 
 
 @njit(**IN_ORDER)
 def _inwards(b, free, y, force):
     """Force on the section that carries a body, from forces along shapes and joint (at y) and on the body."""
-    together()
+    no_inline_vectorised()
     for j in range(b.n):
         force = axpy(-y[b.modal + j], b.E[j], force)
     for j in range(b.f):
@@ -171,7 +171,7 @@ def _inwards(b, free, y, force):
 def _outwards(b, free, y, twist):
     """Rates of joint and shapes, and the body's twist, from that of the section that carries it. A coordinate that is
     not free keeps its rate of zero, and y receives the force that it takes."""
-    together()
+    no_inline_vectorised()
     for j in range(b.f - 1, -1, -1):
         rate = dot(twist, b.U[j]) - y[b.push + j]
         if free[b.push + j] != 0:
@@ -198,12 +198,12 @@ def _outwards(b, free, y, twist):
 @njit(**OPTIONS)
 def solve(a):
     """Solve with the factors: from forces of coordinates at y and of bodies at x, the rates of both in place."""
-    together()
+    no_inline_vectorised()
     x, y = a.x, a.y
     for b in range(a.counts[0] - 1, -1, -1):
-        felt = _inwards(body(a, b), a.free, y, x[b])
+        felt = _inwards(body_arrays(a, b), a.free, y, x[b])
         if a.bodies[b, PARENT_BODY] >= 0:
-            up = held_by(a, b)
+            up = carrier_of(a, b)
             felt = force_at(felt, a.arm[b])
             for j in range(up.n):
                 y[up.modal + j] += dot(felt, up.phi[j])
@@ -211,9 +211,9 @@ def solve(a):
     for b in range(a.counts[0]):
         twist = scaled(0.0, x[b])
         if a.bodies[b, PARENT_BODY] >= 0:
-            up = held_by(a, b)
+            up = carrier_of(a, b)
             twist = twist_at(x[a.bodies[b, PARENT_BODY]], up.place)
             for j in range(up.n):
                 twist = axpy(y[up.modal + j], up.phi[j], twist)
             twist = twist_at(twist, a.arm[b])
-        x[b] = _outwards(body(a, b), a.free, y, twist)
+        x[b] = _outwards(body_arrays(a, b), a.free, y, twist)

@@ -9,8 +9,8 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, apart
-from kaneflex.multibody.compile.values import by_size, chosen, inside, size_of, width
+from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, no_inline
+from kaneflex.multibody.compile.values import by_size, chosen, inline, size_of, width
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
     first,
@@ -24,7 +24,7 @@ from kaneflex.multibody.dynamics.algebra import (
     twist_at,
 )
 from kaneflex.multibody.dynamics.arrays import AXES
-from kaneflex.multibody.dynamics.rotation_vectors import spin, spun, turning
+from kaneflex.multibody.dynamics.rotation_vectors import rate_coefficients, spin, spun
 from kaneflex.multibody.model.tree_layout import (
     AXED,
     BALL,
@@ -48,47 +48,47 @@ its own axes. In space three of a rotation precede them; in the plane the point 
 @njit(**OPTIONS)
 def _number(m, n, place):
     """Point or axis of a node's joint."""
-    inside()
+    inline()
     return m.numbers[width(m) * (n + 1) - place]
 
 
 @njit(**IN_ORDER)
 def to_global(m, n, a):
     """Global components of a vector, a twist or a wrench in the axes of a node."""
-    inside()
+    inline()
     c, s, _ = m.R[n]
     return c * a[0] - s * a[1], s * a[0] + c * a[1], a[2]
 
 
 @njit(**IN_ORDER)
 def _vector_to_global(m, n, a):
-    inside()
+    inline()
     return turned(m.R, 3 * n, a)
 
 
 @njit(**IN_ORDER)
 def _twist_to_global(m, n, a):
-    inside()
+    inline()
     return joined(turned(m.R, 3 * n, first(a)), turned(m.R, 3 * n, last(a)))
 
 
 @njit(**IN_ORDER)
 def to_axes(m, n, a):
     """Components of a global vector, twist or wrench in the axes of a node."""
-    inside()
+    inline()
     c, s, _ = m.R[n]
     return c * a[0] + s * a[1], c * a[1] - s * a[0], a[2]
 
 
 @njit(**IN_ORDER)
 def _vector_to_axes(m, n, a):
-    inside()
+    inline()
     return turned_back(m.R, 3 * n, a)
 
 
 @njit(**IN_ORDER)
 def _twist_to_axes(m, n, a):
-    inside()
+    inline()
     return joined(turned_back(m.R, 3 * n, first(a)), turned_back(m.R, 3 * n, last(a)))
 
 
@@ -126,7 +126,7 @@ def _turn_to(m, n, angle):
 @njit(**OPTIONS)
 def joint_place(m, n):
     """Point of a node's joint at its coordinates, in the plane with the angle there; sets the node's axes."""
-    inside()
+    inline()
     kind, parent, s = m.nodes[n, KIND], m.nodes[n, PARENT], m.nodes[n, SPEED]
     P, axis = _number(m, n, _PLACE), _number(m, n, _AXIS)
     if kind == STATION:
@@ -148,7 +148,7 @@ def joint_place(m, n):
 @njit(**OPTIONS)
 def _turn(m, n, w, x, y, z, two):
     """Rotate the axes of a node by a quaternion (w, x, y, z), whose square is 2 / ``two``."""
-    apart()
+    no_inline()
     for i in range(3 * n, 3 * n + 3):
         a, b, c = m.R[i]
         m.R[i] = (
@@ -169,7 +169,7 @@ def _turn_by(m, n, x, y, z):
 
 @njit(**OPTIONS)
 def _joint_place_in_space(m, n):
-    apart()
+    no_inline()
     kind, parent, own, s = m.nodes[n, KIND], m.nodes[n, PARENT], width(m) * n, m.nodes[n, SPEED]
     P, axis, y, q, R = _number(m, n, _PLACE), _number(m, n, _AXIS), m.y, m.q, 3 * n
     if kind == STATION:
@@ -199,7 +199,7 @@ def _joint_place_in_space(m, n):
 @njit(**OPTIONS)
 def directions(m, n):
     """Twists of a joint's node for a unit of every speed, relative to the parent."""
-    inside()
+    inline()
     kind, s = m.nodes[n, KIND], m.nodes[n, SPEED]
     if kind == TURN or kind == SLIDE:
         axis = to_global(m, n, _number(m, n, _AXIS))
@@ -210,7 +210,7 @@ def directions(m, n):
 
 @njit(**OPTIONS)
 def _directions_in_space(m, n):
-    apart()
+    no_inline()
     kind, s, arm, nothing = m.nodes[n, KIND], m.nodes[n, SPEED], minus(m.r[n], m.P[n]), (0.0, 0.0, 0.0)
     if kind == SLIDE:
         m.S[s] = joined(turned(m.R, 3 * n, _number(m, n, _AXIS)), nothing)
@@ -218,7 +218,7 @@ def _directions_in_space(m, n):
         m.S[s] = twist_at(joined(nothing, turned(m.R, 3 * n, _number(m, n, _AXIS))), arm)
     elif kind == BALL:
         theta = m.y[s], m.y[s + 1], m.y[s + 2]
-        b, c, _, _ = turning(theta)
+        b, c, _, _ = rate_coefficients(theta)
         _ball_axis(m, n, s, arm, spun(theta, b, c, (1.0, 0.0, 0.0)))
         _ball_axis(m, n, s + 1, arm, spun(theta, b, c, (0.0, 1.0, 0.0)))
         _ball_axis(m, n, s + 2, arm, spun(theta, b, c, (0.0, 0.0, 1.0)))
@@ -232,14 +232,14 @@ def _ball_axis(m, n, s, arm, omega):
 @njit(**OPTIONS)
 def free_rates(m, n):
     """Acceleration relative to the parent of a node that moves freely or of a ball."""
-    inside()
+    inline()
     s = m.nodes[n, SPEED]
     return m.du[s], m.du[s + 1], m.du[s + 2]
 
 
 @njit(**OPTIONS)
 def _ball_rates(m, n):
-    inside()
+    inline()
     return joined((0.0, 0.0, 0.0), turned(m.R, 3 * n, spin(m, m.nodes[n, SPEED])[1]))
 
 

@@ -6,7 +6,7 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline
 from kaneflex.multibody.dynamics.algebra import axpy, by_axis, cross, dot, last, minus, plus, scaled, turned, twist_at
 from kaneflex.multibody.dynamics.kinematics import section_place, twist_at_section
 from kaneflex.multibody.model.layout import AT, NUMBERS_AT, ON, ROW_AT
@@ -22,7 +22,7 @@ _HALF_TURN = 1e-6
 
 @once
 @njit(**OPTIONS)
-def cushion(m, act, row):
+def fill_bushing(m, act, row):
     """Fill the rows of a bushing at w[row], where ``move`` was.
 
     d is where the second point is against the first, and phi the rotation vector of the second side's axes, both in
@@ -34,7 +34,7 @@ def cushion(m, act, row):
     The energy 1/2 d K d + 1/2 phi C phi gives the force K d and the moment H^T C phi, dampers for what is
     proportional to d' and omega.
     """
-    apart()
+    no_inline()
     w, j, E, one, two = m.w, m.acts[act, NUMBERS_AT], m.acts[act, ROW_AT], m.acts[act, AT], m.acts[act, ON]
     other, away = E + 3, minus(section_place(m, two), section_place(m, one))
     slow = axpy(-1.0, twist_at(twist_at_section(m, one), away), twist_at_section(m, two))

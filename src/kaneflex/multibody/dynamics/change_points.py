@@ -4,7 +4,8 @@ cross.
 There the cut joints' rows lose rank, and reactions have a pole. At a small distance d, a rounding error of a loop
 becomes 1/d in positions, 1/d^2 in rates and 1/d^3 in accelerations. The motion that keeps its velocities is smooth if a
 single coordinate moves each loop, and so are the derivatives of dependent coordinates, which need no reactions: see
-:func:`kaneflex.multibody.dynamics.loop_closure.crosses`. Elastic bodies pass such positions bent and don't need this.
+:func:`kaneflex.multibody.dynamics.loop_closure.is_near_change_point`. Elastic bodies pass such positions bent and don't
+need this.
 The next change point is predicted from the least pivot of the rows
 (:func:`kaneflex.multibody.dynamics.loop_condition.margin`), which is proportional to d.
 """
@@ -15,12 +16,12 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted
 from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics.inverse_dynamics import demand
-from kaneflex.multibody.dynamics.loop_closure import SIDES, crosses, reduce_across
+from kaneflex.multibody.dynamics.loop_closure import SIDES, is_near_change_point, reduce_across
 from kaneflex.multibody.dynamics.loop_condition import determined, margin
-from kaneflex.multibody.dynamics.reduction import react
+from kaneflex.multibody.dynamics.reduction import update_reactions
 from kaneflex.multibody.model.layout import (
     COORDINATES,
     CROSSING,
@@ -61,13 +62,13 @@ def begin(m, t, h):
 @njit(**OPTIONS)
 def project(m, t, i):
     """Near a change point, reduce stage i to the independent coordinates; False: singular."""
-    apart()
+    no_inline()
     if m.pivots[PASSING] == 0:
         return True
-    if crosses(m, t):
+    if is_near_change_point(m, t):
         reduce_across(m)
         return True
-    if not react(m):
+    if not update_reactions(m):
         return False
     copy(m.multipliers, shifted(m.w, m.plan[STAGE_R] + m.plan[REACTIONS] * i), m.plan[REACTIONS])
     return True
@@ -76,20 +77,20 @@ def project(m, t, i):
 @njit(**OPTIONS)
 def react_at_end(m, t):
     """Near a change point, compute a step's last reactions from its end; True there."""
-    apart()
-    if not crosses(m, t):
+    no_inline()
+    if not is_near_change_point(m, t):
         return False
     for r in range(m.plan[REACTIONS]):
         m.multipliers[r] = 0.0
     demand(m, t)
-    react(m)
+    update_reactions(m)
     return True
 
 
 @njit(**OPTIONS)
-def strays(m, table, h, state):
+def leaves_branch(m, table, h, state):
     """True if closing the loops at a step's end changes the dependent rates as much as another branch would."""
-    apart()
+    no_inline()
     plan, w, b = m.plan, m.w, table.b_1
     n, of, most = plan[COORDINATES], plan[STAGE_A], fastest(m, -1)
     for k in range(plan[KEPT]):
@@ -114,10 +115,10 @@ def fastest(m, row):
 @njit(**OPTIONS)
 def end(m, t, h):
     """Predict the next change point at a step's end, from the decrease of the least pivot."""
-    apart()
+    no_inline()
     w, shared = m.w, m.plan[CROSSING]
     before, now, row = w[shared + LEAST], 0.0, 0
-    if not crosses(m, t):
+    if not is_near_change_point(m, t):
         now, row = margin(m)
     w[shared + LEAST] = now
     if not t - h < w[shared + WHEN] <= t and 0.0 < now < before:

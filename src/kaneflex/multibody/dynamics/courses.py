@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import OPTIONS, apart, kernel
+from kaneflex.multibody.compile.types import OPTIONS, kernel, no_inline
 from kaneflex.multibody.model.layout import (
     ACTS,
     CONTACTS,
@@ -31,7 +31,7 @@ def courses(m):
 @njit(**OPTIONS)
 def prescribe(m, t):
     """Set the coordinates that drives prescribe, with their rates."""
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     kernel(m.kernels, COURSES)(t, m.p, w, plan[COURSE])
     loads = plan[SPRINGS] - plan[LOADS]

@@ -7,19 +7,19 @@ from numba import njit
 from kaneflex.generated import joints as planar_laws
 from kaneflex.generated import spatial as laws
 from kaneflex.multibody.compile.stand_ins import of_impacts
-from kaneflex.multibody.compile.types import OPTIONS, apart
+from kaneflex.multibody.compile.types import OPTIONS, no_inline
 from kaneflex.multibody.compile.values import by_size, numbers_of, row_length
 from kaneflex.multibody.model import layout as of
 from kaneflex.multibody.model.tree_layout import COINCIDE, PERPENDICULAR
-from kaneflex.multibody.unilateral.relative_rows import rest_rows
-from kaneflex.multibody.unilateral.rows import rests, row_at
+from kaneflex.multibody.unilateral.relative_rows import fill_rest_rows
+from kaneflex.multibody.unilateral.rows import is_at_rest, row_at
 
 
 @njit(**OPTIONS)
 def cut_rows(m):
     """Residuals of the cuts with their rates and Jacobians by the sections' twists; in the plane those of drives less
     their courses."""
-    apart()
+    no_inline()
     plan, w, acts, sections, rows = m.plan, m.w, m.acts, m.sections, m.rows
     for n in range(plan[of.CUTS], plan[of.HOLDS]):
         kind, one, two, j = acts[n, of.WHAT], acts[n, of.AT], acts[n, of.ON], acts[n, of.NUMBERS_AT]
@@ -40,12 +40,12 @@ def cut_rows(m):
             rows[k + 1] -= w[course + 1]
             rows[k + 2] -= w[course + 2]
     if plan[of.RIGID]:
-        rest_rows(m)
+        fill_rest_rows(m)
 
 
 @njit(**OPTIONS)
 def _cut_rows_in_space(m):
-    apart()
+    no_inline()
     sections, axes, out = m.sections, numbers_of(m.axes), m.rows
     for c in range(m.plan[of.CUTS], m.plan[of.HOLDS]):
         what, one, two, n = m.acts[c, of.WHAT], m.acts[c, of.AT], m.acts[c, of.ON], row_length(m) * m.acts[c, of.ROW_AT]
@@ -57,7 +57,7 @@ def _cut_rows_in_space(m):
         else:
             laws.on_plane(sections, one, two, axes, axis, out, n)
     if m.plan[of.RIGID]:
-        rest_rows(m)
+        fill_rest_rows(m)
 
 
 cut_rows = by_size(cut_rows, _cut_rows_in_space)
@@ -76,4 +76,4 @@ def is_kept(m, row):
 @njit(**OPTIONS)
 def left_out(m, n):
     """True if a contact at rest is no kept row: it is redundant, or modes are decided."""
-    return rests(m, n) and not is_kept(m, row_at(m, n))
+    return is_at_rest(m, n) and not is_kept(m, row_at(m, n))

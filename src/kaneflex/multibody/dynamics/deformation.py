@@ -11,7 +11,7 @@ from numba import njit
 from kaneflex.generated import shapes
 from kaneflex.generated import spatial_shapes as laws
 from kaneflex.multibody.compile.stand_ins import of_stiffness
-from kaneflex.multibody.compile.types import OPTIONS, apart
+from kaneflex.multibody.compile.types import OPTIONS, no_inline
 from kaneflex.multibody.compile.values import after, by_size, numbers_of, width
 from kaneflex.multibody.dynamics.algebra import axpy, first, joined, last, plus, scaled, twist_at
 from kaneflex.multibody.dynamics.arrays import NODES
@@ -22,7 +22,7 @@ from kaneflex.support.inner import once
 @njit(**OPTIONS)
 def displace(m, n):
     """Displacement and rotation of a section; sets its twists for a unit of every shape."""
-    apart()
+    no_inline()
     count, row = m.nodes[n, COUNT], 3 * m.nodes[n, ROW_OF]
     return shapes.displace(m.block, m.nodes[n, AT], count, m.y, m.nodes[n, SPEED], numbers_of(m.phi), row)
 
@@ -33,7 +33,7 @@ def _displace_in_space(m, n):
 
     The section's twists for a unit of every shape are, as G is symmetric, N_j + G_jk q_k and T psi_j.
     """
-    apart()
+    no_inline()
     count, o, q = m.nodes[n, COUNT], m.nodes[n, AT], after(m.y, m.nodes[n, SPEED])
     _section(m, _shaped(m, n, 3, q), (0.0, 0.0, 0.0))
     for i in range(3):
@@ -59,7 +59,7 @@ def _displace_in_space(m, n):
 @njit(**OPTIONS)
 def _shaped(m, n, row, q):
     """Vector of the rows N q or psi q (``row`` 0 or 3) of a station, coordinates from q on."""
-    apart()
+    no_inline()
     count, o = m.nodes[n, COUNT], m.nodes[n, AT] + m.nodes[n, COUNT] * row
     x = y = z = 0.0
     for s in range(count):
@@ -86,15 +86,15 @@ def _of_x(m, k, a):
 
 
 @njit(**OPTIONS)
-def growth(m, n):
+def bias_acceleration(m, n):
     """Acceleration of a section at constant speeds of the shapes: G u u and T' theta'."""
-    apart()
+    no_inline()
     return shapes.growth(m.block, m.nodes[n, AT], m.nodes[n, COUNT], m.u, m.nodes[n, SPEED]), 0.0, 0.0
 
 
 @njit(**OPTIONS)
-def _growth_in_space(m, n):
-    apart()
+def _bias_acceleration_in_space(m, n):
+    no_inline()
     s = m.nodes[n, SPEED]
     u, x, at = after(m.u, s), (0.0, 0.0, 0.0), m.nodes[n, AT] + 6 * m.nodes[n, COUNT]
     _section(m, _shaped(m, n, 3, after(m.y, s)), _shaped(m, n, 3, u))
@@ -106,14 +106,15 @@ def _growth_in_space(m, n):
     return joined(x, (m.x[24], m.x[25], m.x[26]))
 
 
-displace, growth = by_size(displace, _displace_in_space), by_size(growth, _growth_in_space)
+displace = by_size(displace, _displace_in_space)
+bias_acceleration = by_size(bias_acceleration, _bias_acceleration_in_space)
 
 
 @of_stiffness(None)
 @njit(**OPTIONS)
 def deform(m):
     """Displacements and rotations of all sections that shapes move, and their twists for a unit of every shape."""
-    apart()
+    no_inline()
     for n in range(m.counts[NODES]):
         if m.nodes[n, ROW_OF] >= 0:
             m.moved[n] = displace(m, n)

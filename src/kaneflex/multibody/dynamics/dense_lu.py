@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, apart, magnitude
+from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, magnitude, no_inline
 from kaneflex.support.inner import once
 
 
@@ -12,7 +12,7 @@ from kaneflex.support.inner import once
 @njit(**OPTIONS)
 def factorise(a, at, n, pivots, first):
     """LU factors in place with row exchanges, 1/U on the diagonal; False for a zero pivot."""
-    apart()
+    no_inline()
     for k in range(n):
         row, largest = k, magnitude(a[at + n * k + k])
         for i in range(k + 1, n):
@@ -38,7 +38,7 @@ def factorise(a, at, n, pivots, first):
 @njit(**IN_ORDER)
 def substitute(a, at, n, pivots, first, x):
     """Solve with the factors of :func:`factorise`, in place: the right-hand side is at x."""
-    apart()
+    no_inline()
     if n == 2:  # one loop, the most frequent case; it dominates a step's latency
         i = pivots[first]
         above = a[x + i]

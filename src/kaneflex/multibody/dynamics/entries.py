@@ -10,7 +10,7 @@ import math
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_changes
-from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, kernel, larger, shifted
+from kaneflex.multibody.compile.types import ENTRY, OPTIONS, kernel, larger, no_inline, shifted
 from kaneflex.multibody.compile.values import after, copy, row_length
 from kaneflex.multibody.dynamics import loop_closure, reduction
 from kaneflex.multibody.dynamics.arrays import BALLS, KEPT, OWN
@@ -20,12 +20,12 @@ from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.dynamics.independent_speeds import open_rows
 from kaneflex.multibody.dynamics.inverse_dynamics import demand, mass_matrix
 from kaneflex.multibody.dynamics.loop_closure import follow as close_all
-from kaneflex.multibody.dynamics.loop_closure import gradients, mend, move_closed
+from kaneflex.multibody.dynamics.loop_closure import correct_accelerations, gradients, move_closed
 from kaneflex.multibody.dynamics.loop_condition import orientation, outgrown
-from kaneflex.multibody.dynamics.records import give_coordinates, keep
+from kaneflex.multibody.dynamics.records import give_coordinates, store_record
 from kaneflex.multibody.dynamics.reduction import settled
 from kaneflex.multibody.dynamics.rotation_vectors import compose, rebase
-from kaneflex.multibody.dynamics.tree import use
+from kaneflex.multibody.dynamics.tree import use_geometry
 from kaneflex.multibody.model.codes import (
     AHEAD, APART, DONE, FAR, GROWN, INFINITE, MASSLESS, NEAR_STATES, ON_LOOPS, UNCLOSED, UNDECIDED,
 )  # fmt: skip
@@ -34,9 +34,9 @@ from kaneflex.multibody.model.layout import (
     PRESCRIBED, REACTIONS, Y,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import KEPT as KEPT_ROWS
-from kaneflex.multibody.time.state_record import row_size, take
-from kaneflex.multibody.unilateral.active_set import choose_sides, stand_closed
-from kaneflex.multibody.unilateral.chosen_motion import settle
+from kaneflex.multibody.time.state_record import read_row, row_size
+from kaneflex.multibody.unilateral.active_set import choose_contact_modes, choose_sides
+from kaneflex.multibody.unilateral.chosen_motion import solve_choice
 from kaneflex.multibody.unilateral.decision import decide
 from kaneflex.multibody.unilateral.rows import frictions
 
@@ -67,14 +67,14 @@ def magnitudes_at(m, times, count, x, columns, out, width):
 @njit(**ENTRY)
 def place(m, q):
     """Positions, axes and directions, with the cuts' rows and their derivatives by all speeds at J."""
-    reduction.stand_at(m, q)
+    reduction.set_coordinates(m, q)
     open_rows(m)
 
 
 @njit(**ENTRY)
 def close(m, q):
     """Close the loops by the dependent coordinates; False if they don't."""
-    reduction.stand_at(m, q)
+    reduction.set_coordinates(m, q)
     closes = False
     for _ in range(_TRIES):
         closes = closes or loop_closure.close(m, 0.0)
@@ -84,9 +84,9 @@ def close(m, q):
 
 
 @njit(**OPTIONS)
-def _stand(m, t):
+def _complete(m, t):
     """Close the loops and complete speeds and accelerations from the independent ones; returns the outcome."""
-    apart()
+    no_inline()
     m.pivots[PASSING] = 1  # positions as exact as near change points, as readers take derivatives by differences
     if not close_all(m, t) or (settled(m) and not close_all(m, t)):
         return UNCLOSED
@@ -100,25 +100,25 @@ def _stand(m, t):
 @njit(**OPTIONS)
 def _project(m, t):
     """The same with the accelerations of all coordinates and the reactions of the cuts."""
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     n = plan[COORDINATES]
     for i in range(n):
         w[plan[ACCEL] + i] = 0.0
     for r in range(plan[REACTIONS]):
         w[plan[NOW] + r] = 0.0
-    outcome = _stand(m, t)
+    outcome = _complete(m, t)
     if outcome != DONE:
         return outcome
     demand(m, t)
-    if not reduction.react(m):
+    if not reduction.update_reactions(m):
         return UNCLOSED
     if m.now[2] != 0.0 or frictions(m):  # else drives prescribe everything: inertia does not matter
-        use(m, 0)
+        use_geometry(m, 0)
         for r in range(plan[CUT_ROWS], plan[REACTIONS]):  # redundant contacts have their share, not zero
             m.multipliers[r] = 0.0
         turns = 2 if plan[REACTIONS] > plan[CUT_ROWS] else 1
-        if not mend(m, t, m.real, turns) or (frictions(m) and settle(m, t, m.real) == 1):
+        if not correct_accelerations(m, t, m.real, turns) or (frictions(m) and solve_choice(m, t, m.real) == 1):
             return MASSLESS
     settled(m)
     give_coordinates(m)
@@ -136,7 +136,7 @@ def _decide(m, t):
     outcome = _project(m, t) if choose_sides(m, t) else DONE
     if outcome != DONE:
         return outcome
-    if not stand_closed(m, t, m.real):
+    if not choose_contact_modes(m, t, m.real):
         return MASSLESS
     undecided = decide(m, t, m.real)
     return MASSLESS if undecided == 1 else UNDECIDED if undecided else DONE
@@ -155,11 +155,11 @@ def project(m, t, q, u):
 
     Contacts whose sides overlap are closed.
     """
-    reduction.stand_at(m, q)
+    reduction.set_coordinates(m, q)
     copy(u, m.u, m.plan[COORDINATES])
     outcome = _find(m, t)
     if outcome == DONE:
-        keep(m, t, m.kept)
+        store_record(m, t, m.kept)
     return outcome
 
 
@@ -178,7 +178,7 @@ def unfold(m, rows, count, near, out):
         for r in range(m.plan[KEPT_ROWS] if near == AHEAD else 0):
             i = m.plan[m.plan[DEPENDENT] + r]
             row[1 + i] = m.y[i]
-        take(m, row)
+        read_row(m, row)
         give_coordinates(m)
         if near == NEAR_STATES:
             m.now[1] = _project(m, row[0])
@@ -188,14 +188,14 @@ def unfold(m, rows, count, near, out):
             _close_beside(m, row[0])
         else:
             move_closed(m, row[0])
-        keep(m, row[0], after(out, m.counts[KEPT] * k))
+        store_record(m, row[0], after(out, m.counts[KEPT] * k))
     return count
 
 
 @njit(**OPTIONS)
 def _close_beside(m, t):
     """Close the loops at the current independent coordinates, speeds and accelerations; else dependent ones are NaN."""
-    if _stand(m, t) != DONE:
+    if _complete(m, t) != DONE:
         for r in range(m.plan[KEPT_ROWS]):
             i = m.plan[m.plan[DEPENDENT] + r]
             m.y[i] = m.u[i] = m.du[i] = math.nan
@@ -233,9 +233,9 @@ def _pace(m):
 
 
 @njit(**OPTIONS)
-def _far(m, t):
+def _steps_to(m, t):
     """Least number of steps from the drives' current position to that at t; loops are followed in more than one."""
-    apart()
+    no_inline()
     plan, w, farthest = m.plan, m.w, 0.0
     kernel(m.kernels, COURSES)(t, m.p, w, plan[COURSE])
     for k in range(courses(m) if plan[JOINT_ROWS] else 0):
@@ -248,7 +248,7 @@ def _far(m, t):
 @njit(**OPTIONS)
 def _grown(m):
     """True if dependent speeds are large relative to the prescribed ones, or a dropped row to the kept ones."""
-    apart()
+    no_inline()
     plan, driven = m.plan, _pace(m)
     if plan[KEPT_ROWS] < plan[JOINT_ROWS] and gradients(m, plan[BENDS] != 0, False) and outgrown(m):
         return True
@@ -270,7 +270,7 @@ def follow(m, times, count, out):
         while not reached:
             if taken == _AT_ONCE:
                 return i
-            steps = _far(m, times[i])
+            steps = _steps_to(m, times[i])
             reached = not steps > 1.0
             before, t = t, times[i] if reached else t + (times[i] - t) / steps
             straight = _pace(m) * (t - before) <= 2.0 * FAR  # else a drive turns back before the end
@@ -284,5 +284,5 @@ def follow(m, times, count, out):
                 m.now[1] = UNCLOSED if passed else GROWN if _grown(m) else DONE
             if m.now[1] != DONE:
                 return i
-        keep(m, t, after(out, m.counts[KEPT] * i))
+        store_record(m, t, after(out, m.counts[KEPT] * i))
     return count

@@ -26,7 +26,7 @@ from kaneflex.multibody.model.layout import (
     VIRTUAL,
     YIELDING,
 )  # fmt: skip
-from kaneflex.multibody.time.state_record import give, take
+from kaneflex.multibody.time.state_record import read_row, write_row
 
 SAME, CHANGED, PROJECTED, FAILED = range(4)
 """Outcomes of :func:`change`."""
@@ -47,7 +47,7 @@ def change(m, row, level, virtual, rests):
     speeds if some body has no inertia, else zero. ``rests``: True if other contacts rest than before, which changes the
     rows.
     """
-    take(m, row)
+    read_row(m, row)
     prescribe(m, row[0])
     open_rows(m)
     plan, taken = m.plan, shifted(m.pivots, m.plan[LOOP_PIVOTS])
@@ -75,7 +75,7 @@ def change(m, row, level, virtual, rests):
     give_coordinates(m)
     if project(m, row[0], m.q, m.u) != DONE:
         return FAILED
-    give(m, row[0], row)
+    write_row(m, row[0], row)
     return PROJECTED
 
 

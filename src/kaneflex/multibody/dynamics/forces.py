@@ -8,7 +8,7 @@ from kaneflex.generated import joints as laws
 from kaneflex.multibody.compile.stand_ins import of_changes
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.unilateral import rows
-from kaneflex.multibody.compile.types import OPTIONS, apart, kernel
+from kaneflex.multibody.compile.types import OPTIONS, kernel, no_inline
 from kaneflex.multibody.model.layout import (
     AT, COURSE_AT, DRIVES, INPUT, LOADS, MAGNITUDES, MEMORY, NUMBERS_AT, ON, ROW_AT, SIZE, SPRINGS, SUMS, TURN, WHAT, X,
 )  # fmt: skip
@@ -17,7 +17,7 @@ from kaneflex.multibody.model.layout import (
 @njit(**OPTIONS)
 def joint_row(m, act):
     """Row of a joint in laws that is a cut, at SUMS: its coordinate and two rates, then its Jacobian; in space zero."""
-    apart()
+    no_inline()
     if width(m) == 6:
         return
     w, j = m.w, m.acts[act, NUMBERS_AT]
@@ -30,7 +30,7 @@ def joint_row(m, act):
 @njit(**OPTIONS)
 def load_sizes(m, t):
     """Magnitudes of the loads, which may depend on joint coordinates and their rates."""
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     for n in range(plan[DRIVES], plan[LOADS]):
         k, i = plan[X] + 2 * (n - plan[DRIVES]), m.acts[n, COURSE_AT]
@@ -52,8 +52,8 @@ def load_sizes(m, t):
 @njit(**OPTIONS)
 def take_sides(m):
     """Select the branch of discontinuous laws by the side of zero of their switching arguments."""
-    apart()
+    no_inline()
     first = m.plan[X] + 3 * (m.plan[LOADS] - m.plan[DRIVES])
     for n in range(rows.contacts(m)):
-        if rows.switches(m, n):
+        if rows.is_switch(m, n):
             m.w[first + m.acts[rows.act_of(m, n), ROW_AT]] = m.w[rows.at(m, n) + MEMORY]

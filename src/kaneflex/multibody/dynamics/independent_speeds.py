@@ -13,12 +13,12 @@ from kaneflex.multibody.dynamics.deformation import deform
 from kaneflex.multibody.dynamics.kinematics import place
 from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_condition import is_dependent, pushes
-from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, larger, shifted
+from kaneflex.multibody.compile.types import ENTRY, OPTIONS, larger, no_inline, shifted
 from kaneflex.multibody.model.layout import (
-    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT_OF, CUT_ROWS, EXTENT, GRADIENT, HOLDS, JOINT_ROWS,
-    KEPT, MEASURE, MODE, OPEN, REACTIONS, RESTED, ROW_OF, SHUT, TOUCH,
+    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT_OF, CUT_ROWS, EXTENT, GRADIENT, HOLDS, JOINT_ROWS, KEPT, MEASURE,
+    MODE, OPEN, REACTIONS, RESTED, ROW_OF, SHUT, TOUCH,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.rows import at, contacts, rests, rigid
+from kaneflex.multibody.unilateral.rows import at, contacts, is_at_rest, is_rigid
 
 _FIRM, _RANK = 1e-4, 1e-9
 """Shares of a row's largest derivative: above the first, a joint's coordinate becomes dependent before any shape; below
@@ -33,15 +33,15 @@ _EXACT = OPTIONS | {"fastmath": False}
 @njit(**OPTIONS)
 def is_constraint(m, row):
     """True if a row is a constraint now: of a cut joint, or of a contact at rest under Newton's law."""
-    apart()
+    no_inline()
     act = m.plan[m.plan[CUT_OF] + row]
-    return act < m.plan[HOLDS] or (act >= m.plan[CONTACTS] and rests(m, act - m.plan[CONTACTS]))
+    return act < m.plan[HOLDS] or (act >= m.plan[CONTACTS] and is_at_rest(m, act - m.plan[CONTACTS]))
 
 
 @njit(**OPTIONS)
 def open_rows(m):
     """Residuals of all these rows at the current coordinates, with their derivatives by all coordinates at GRADIENT."""
-    apart()
+    no_inline()
     plan, n = m.plan, m.plan[COORDINATES]
     deform(m)
     place(m, 0)
@@ -68,7 +68,7 @@ def _shut(m):
     """Note which contacts dependent coordinates keep closed."""
     w = m.w
     for n in range(contacts(m)):
-        if rigid(m, n):
+        if is_rigid(m, n):
             w[at(m, n) + SHUT] = 1.0 if w[at(m, n) + MODE] != OPEN else 0.0
     w[m.plan[TOUCH] + RESTED] = 0.0
 
@@ -106,7 +106,7 @@ def differs(m, taken):
 @njit(**_EXACT)
 def _eliminate(m, level, even, taken):
     """Eliminate the rows with either scale; returns the number of redundant ones."""
-    apart()
+    no_inline()
     plan, left = m.plan, 0
     _scale(m, level, even)
     for row in range(plan[REACTIONS]):
@@ -128,7 +128,7 @@ def _eliminate(m, level, even, taken):
 @njit(**_EXACT)
 def _by_joints(m, level, row):
     """Largest derivative of a row by a joint's coordinate, in units of the coordinates."""
-    apart()
+    no_inline()
     plan, size = m.plan, 0.0
     for i in range(plan[COORDINATES]):
         if level[i] < OF_SHAPE:
@@ -140,7 +140,7 @@ def _by_joints(m, level, row):
 def _scale(m, level, even):
     """Fill the matrix: derivatives in units of the coordinates, as shares of a row's largest one by a joint, or of the
     mechanism's size, for moments 1 rad, if ``even``."""
-    apart()
+    no_inline()
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
     for row in range(plan[REACTIONS]):
         unit = w[plan[TOUCH] + EXTENT] if pushes(m, row) else 1.0
@@ -160,7 +160,7 @@ def _matrix(m):
 def _pivot(m, level, most, least, first, end, taken):
     """Row and coordinate of the largest share of all rows left, by coordinates of up to a level; -1 if below the
     least."""
-    apart()
+    no_inline()
     A, n = shifted(m.w, _matrix(m)), m.plan[COORDINATES]
     largest, row, column = 0.0, -1, -1
     for r in range(first, end):
@@ -175,7 +175,7 @@ def _pivot(m, level, most, least, first, end, taken):
 @njit(**_EXACT)
 def _subtract(m, pivot, first, taken):
     """Eliminate the coordinate that a row has taken from all rows left."""
-    apart()
+    no_inline()
     A, n, i = shifted(m.w, _matrix(m)), m.plan[COORDINATES], taken[pivot]
     for row in range(first, m.plan[REACTIONS]):
         if taken[row] == -1:

@@ -14,16 +14,16 @@ from kaneflex.generated import spatial as spatial_laws
 from kaneflex.multibody.compile.values import by_size, width
 from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, joined, minus, scaled, zero_like
 from kaneflex.multibody.dynamics.forces import load_sizes
-from kaneflex.multibody.dynamics.bushings import cushion
+from kaneflex.multibody.dynamics.bushings import fill_bushing
 from kaneflex.multibody.dynamics.kinematics import section_place, twist_at_section
 from kaneflex.multibody.dynamics.wrenches import along, push, row_wrench
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, turned
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, turned
 from kaneflex.multibody.model.layout import (
     AT, BUSHING, CONTACTS, COURSE_AT, CUTS, CUT_OF, CUT_ROWS, DRIVES, FOLLOWER, NUMBERS_AT, ON, PUSHED, PUSHES, ROW_AT,
     SPRING, SPRINGS, STRAIGHT, TORQUE, TORSIONAL, WHAT,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.frictions import exert
-from kaneflex.multibody.unilateral.relative_rows import press
+from kaneflex.multibody.unilateral.frictions import apply_friction
+from kaneflex.multibody.unilateral.relative_rows import apply_contact_forces
 from kaneflex.support.inner import once
 
 
@@ -61,7 +61,7 @@ def spring_size(m):
 
 
 @njit(**OPTIONS)
-def stretch(m, act, k):
+def fill_spring(m, act, k):
     """Fill the numbers of a spring at w[k]; returns its wrench on the second section."""
     w, j, first, second = m.w, m.acts[act, NUMBERS_AT], m.acts[act, AT], m.acts[act, ON]
     if m.acts[act, WHAT] == TORSIONAL:
@@ -72,7 +72,7 @@ def stretch(m, act, k):
 
 
 @njit(**OPTIONS)
-def _stretch_6(m, act, k):
+def _fill_spring_6(m, act, k):
     w, j, what, first, second = m.w, m.acts[act, NUMBERS_AT], m.acts[act, WHAT], m.acts[act, AT], m.acts[act, ON]
     if what == STRAIGHT:
         spatial_laws.pull(m.sections, first, second, w[j], w[j + 1], w[j + 2], w, k)
@@ -83,7 +83,7 @@ def _stretch_6(m, act, k):
         angle, rate = w[k] - w[j + 2], dot(unit, axpy(-1.0, twist_at_section(m, first), twist_at_section(m, second)))
         w[k + 1], w[k + 5], w[k + 6] = w[j] * angle + w[j + 1] * rate, 0.5 * w[j] * angle**2, w[j + 1] * rate**2
     elif what == BUSHING:
-        cushion(m, act, k)
+        fill_bushing(m, act, k)
     force = scaled(w[k + 1], unit)
     if what < TORQUE:  # of a bushing, whose force acts at the second point on both sides
         away = minus(section_place(m, second), section_place(m, first))
@@ -91,7 +91,7 @@ def _stretch_6(m, act, k):
     return scaled(-1.0, force)
 
 
-unit_wrench, stretch = by_size(unit_wrench, _unit_wrench_6), by_size(stretch, _stretch_6)
+unit_wrench, fill_spring = by_size(unit_wrench, _unit_wrench_6), by_size(fill_spring, _fill_spring_6)
 
 
 @once
@@ -111,23 +111,23 @@ def along_both(m, act, wrench, bends, out):
 
 
 @njit(**OPTIONS)
-def act(m, t):
+def apply_interactions(m, t):
     """Subtract loads, springs and contacts from the inertia forces."""
-    apart()
+    no_inline()
     plan, acts = m.plan, m.acts
     load_sizes(m, t)
     for n in range(plan[PUSHES], plan[PUSHED]):
         _push_both(m, n, scaled(m.sizes[acts[n, COURSE_AT]], unit_wrench(m, n)))
     for n in range(plan[SPRINGS], plan[CONTACTS]):
-        _push_both(m, n, stretch(m, n, plan[SPRING] + spring_size(m) * (n - plan[SPRINGS])))
-    press(m)
-    exert(m)
+        _push_both(m, n, fill_spring(m, n, plan[SPRING] + spring_size(m) * (n - plan[SPRINGS])))
+    apply_contact_forces(m)
+    apply_friction(m)
 
 
 @njit(**OPTIONS)
-def react(m):
+def apply_reactions(m):
     """Subtract the reactions of the cuts from the inertia forces."""
-    apart()
+    no_inline()
     plan, acts = m.plan, m.acts
     for n in range(plan[CUTS], plan[DRIVES]):
         first, end = acts[n, ROW_AT], acts[n + 1, ROW_AT] if n + 1 < plan[DRIVES] else plan[CUT_ROWS]
@@ -142,7 +142,7 @@ def react(m):
 @njit(**OPTIONS)
 def gradient(m, row, bends, out):
     """Add the derivatives of a cut joint's row with respect to all coordinates at ``out``; shapes only if requested."""
-    apart()
+    no_inline()
     cut = m.plan[m.plan[CUT_OF] + row]
     for side in range(2):
         along(m, m.acts[cut, AT + side], row_wrench(m, row, side), bends, out)

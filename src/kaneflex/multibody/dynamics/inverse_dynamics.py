@@ -13,7 +13,7 @@ from kaneflex.generated import joints as planar
 from kaneflex.generated import shapes as planar_shapes
 from kaneflex.generated import spatial, spatial_shapes
 from kaneflex.multibody.compile.stand_ins import of_stiffness
-from kaneflex.multibody.compile.types import OPTIONS, apart
+from kaneflex.multibody.compile.types import OPTIONS, no_inline
 from kaneflex.multibody.compile.values import after, by_size, twists, width
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
@@ -30,20 +30,11 @@ from kaneflex.multibody.dynamics.algebra import (
 )
 from kaneflex.multibody.dynamics.arrays import BODIES, NODES, SPEEDS
 from kaneflex.multibody.dynamics.axes import base, freedoms, to_axes, to_global
-from kaneflex.multibody.dynamics.interactions import act, react
+from kaneflex.multibody.dynamics.interactions import apply_interactions, apply_reactions
 from kaneflex.multibody.dynamics.kinematics import relative
 from kaneflex.multibody.model.layout import COUPLING, MODAL, SQUARE
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
-from kaneflex.multibody.model.tree_layout import (
-    BODY,
-    COUNT,
-    KIND,
-    OWNER,
-    PARENT,
-    ROW_OF,
-    SHAPES,
-    SPEED,
-)  # fmt: skip
+from kaneflex.multibody.model.tree_layout import BODY, COUNT, KIND, OWNER, PARENT, ROW_OF, SHAPES, SPEED
 from kaneflex.support.inner import once
 
 RIGID_PLANAR, RIGID = len(planar.BODY), len(spatial.BODY)
@@ -56,7 +47,7 @@ _WRENCH = 9
 def demand_of_body(m, n):
     """Wrench of a node's body by its motion less gravity, global, about the node's origin; adds the residuals of its
     shapes to h."""
-    apart()
+    no_inline()
     _own_demand(m, n)
     return to_global(m, n, twists(m, after(m.x, _WRENCH))[0])
 
@@ -105,20 +96,20 @@ def demand(m, t):
 
     The bodies' inertia forces less loads, springs and reactions of the cuts are summed inwards.
     """
-    apart()
+    no_inline()
     for s in range(m.counts[SPEEDS]):
         m.h[s] = 0.0
     for n in range(m.counts[NODES]):
         m.wrenches[n] = demand_of_body(m, n) if m.nodes[n, BODY] >= 0 else zero_like(m.wrenches[n])
-    act(m, t)
-    react(m)
+    apply_interactions(m, t)
+    apply_reactions(m)
     gather(m, m.wrenches, m.h)
 
 
 @njit(**OPTIONS)
 def gather(m, felt, h):
     """Sum wrenches of the nodes inwards, in place, and add them along the speeds to h."""
-    apart()
+    no_inline()
     for n in range(m.counts[NODES] - 1, -1, -1):
         wrench, s, parent = felt[n], m.nodes[n, SPEED], m.nodes[n, PARENT]
         if m.nodes[n, ROW_OF] >= 0:
@@ -135,7 +126,7 @@ def gather(m, felt, h):
 @njit(**OPTIONS)
 def inertias(m):
     """Inertias of all bodies, their coupling to shapes, and the shapes' own, by global twists."""
-    apart()
+    no_inline()
     x, d = m.x, width(m)
     for b in range(m.counts[BODIES]):
         n, shapes = m.frames[b, 0], m.bodies[b, COUNTED]
@@ -216,7 +207,7 @@ _turn_rows = by_size(_turn_rows, _turn_rows_in_space)
 @njit(**OPTIONS)
 def momenta(m, u, out):
     """Generalised momenta M u of all speeds, for the ``inertias`` and directions of the place of m; fills F."""
-    apart()
+    no_inline()
     for s in range(m.counts[SPEEDS]):
         out[s] = 0.0
     for n in range(m.counts[NODES]):
@@ -243,7 +234,7 @@ def momenta(m, u, out):
 @njit(**OPTIONS)
 def mass_matrix(m, unit):
     """Fill the mass matrix M of all speeds; ``unit``, one number each, is zero before and after."""
-    apart()
+    no_inline()
     inertias(m)
     for s in range(m.counts[SPEEDS]):
         unit[s] = 1.0

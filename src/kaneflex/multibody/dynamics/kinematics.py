@@ -11,7 +11,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_stiffness
-from kaneflex.multibody.compile.values import inside, row_length, twists, vectors
+from kaneflex.multibody.compile.values import inline, row_length, twists, vectors
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
     coriolis,
@@ -31,9 +31,9 @@ from kaneflex.multibody.dynamics.axes import (
     to_global,
     turn_axes,
 )
-from kaneflex.multibody.dynamics.deformation import growth
+from kaneflex.multibody.dynamics.deformation import bias_acceleration
 from kaneflex.multibody.dynamics.arrays import NODES, SECTIONS
-from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
+from kaneflex.multibody.compile.types import OPTIONS, no_inline, shifted
 from kaneflex.multibody.model.tree_layout import COUNT, KIND, PARENT, ROW_OF, SPEED, STATION
 from kaneflex.support.inner import once
 
@@ -41,28 +41,28 @@ from kaneflex.support.inner import once
 @njit(**OPTIONS)
 def section_at(m, n):
     """Place of a section's numbers in ``sections``."""
-    inside()
+    inline()
     return row_length(m) * n
 
 
 @njit(**OPTIONS)
 def section_place(m, n):
     """Place of a section, in the plane with its angle."""
-    inside()
+    inline()
     return vectors(shifted(m.sections, section_at(m, n)))[0]
 
 
 @njit(**OPTIONS)
 def section_motion(m, n, rate):
     """Twist of a section (``rate`` 0), or its rate (1)."""
-    inside()
+    inline()
     return twists(m, shifted(m.sections, section_at(m, n) + 3))[rate]
 
 
 @njit(**OPTIONS)
 def twist_at_section(m, n):
     """Velocity and angular velocity of a section."""
-    inside()
+    inline()
     return section_motion(m, n, 0)
 
 
@@ -70,7 +70,7 @@ def twist_at_section(m, n):
 @njit(**OPTIONS)
 def place(m, first_node):
     """Axes and origins of all nodes from the first one on, twists for a unit of every joint's speeds, and sections."""
-    apart()
+    no_inline()
     for n in range(first_node, m.counts[NODES]):
         P = joint_place(m, n)
         m.P[n] = P
@@ -87,7 +87,7 @@ def place(m, first_node):
 @njit(**OPTIONS)
 def relative(m, n, u):
     """Twist of a node relative to its parent, from the speeds."""
-    inside()
+    inline()
     s, twist = m.nodes[n, SPEED], zero_like(m.S[0])
     if m.nodes[n, ROW_OF] >= 0:
         for j in range(m.nodes[n, COUNT]):
@@ -102,7 +102,7 @@ def relative(m, n, u):
 @njit(**OPTIONS)
 def move(m, first_node):
     """Velocities of these nodes and sections, after ``place``."""
-    apart()
+    no_inline()
     for n in range(first_node, m.counts[NODES]):
         parent, twist = m.nodes[n, PARENT], relative(m, n, m.u)
         m.slow[n] = twist
@@ -120,7 +120,7 @@ def move(m, first_node):
 @njit(**OPTIONS)
 def accelerate(m, first_node):
     """Accelerations of these nodes and sections, after ``move``."""
-    apart()
+    no_inline()
     for n in range(first_node, m.counts[NODES]):
         parent, arm, s = m.nodes[n, PARENT], minus(m.P[n], m.r[n]), m.nodes[n, SPEED]
         rate = w = zero_like(m.S[0])
@@ -149,8 +149,8 @@ def accelerate(m, first_node):
 @njit(**OPTIONS)
 def _by_shapes(m, n):
     """Acceleration of a section relative to its body's axes, or of axes relative to the section of their joint."""
-    apart()
+    no_inline()
     if m.nodes[n, KIND] == STATION:
-        return plus(relative(m, n, m.du), to_global(m, m.nodes[n, PARENT], growth(m, n)))
-    back = twist_at(to_global(m, n, growth(m, n)), minus(m.r[n], m.P[n]))
+        return plus(relative(m, n, m.du), to_global(m, m.nodes[n, PARENT], bias_acceleration(m, n)))
+    back = twist_at(to_global(m, n, bias_acceleration(m, n)), minus(m.r[n], m.P[n]))
     return axpy(-1.0, back, relative(m, n, m.du))

@@ -27,11 +27,11 @@ from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.dynamics.arrays import PHI
 from kaneflex.multibody.dynamics.forces import joint_row, load_sizes
 from kaneflex.multibody.dynamics.interactions import along, along_both, unit_wrench
-from kaneflex.multibody.compile.types import OPTIONS, apart, kernel, magnitude, shifted
+from kaneflex.multibody.compile.types import OPTIONS, kernel, magnitude, no_inline, shifted
 from kaneflex.multibody.model.layout import (
     AT, COLUMNS, CONTACTS, COORDINATES, COURSE_AT, DRIVES, EXTENT, INPUT, KEPT, LOADS, MAGNITUDES, NUMBERS_AT, PUSHED,
     PUSHES, REACTION, SLIDE, SLOPED, SLOPES, SLOPE_COLUMNS, SLOPE_FORCES, SLOPE_SQUARE, SPRINGS, SUMS, TOUCH, VARIED,
-    WAYS, WHAT, WITH_SLOPES, X, YIELDING,
+    WAYS, WHAT, WITH_SLOPES, YIELDING, X,
 )  # fmt: skip
 
 SMALL = 0.1
@@ -63,7 +63,7 @@ def _slope(m, act):
 def _derive_sizes(m, t, h):
     """Derivatives of the loads' sizes by coordinates and speeds of joints at t, as difference quotients; 0 if a
     neighbouring value of a law is undefined."""
-    apart()
+    no_inline()
     plan, w, count = m.plan, m.w, _joints(m)
     load_sizes(m, t)
     for j in range(count):
@@ -83,7 +83,7 @@ def _derive_sizes(m, t, h):
 @njit(**OPTIONS)
 def _fill_ways(m):
     """Gradients at the current position. Prescribed coordinates are excluded: only loads do work along them."""
-    apart()
+    no_inline()
     plan, w, bends = m.plan, m.w, m.counts[PHI] > 0
     for k in range(plan[COORDINATES] * (plan[CONTACTS] - plan[DRIVES])):
         w[plan[WAYS] + k] = 0.0
@@ -107,7 +107,7 @@ def _fill_ways(m):
 @njit(**OPTIONS)
 def find(m, t, h, state):
     """Find all loads and springs with slopes for the factors of a step of h; t and positions are of its middle."""
-    apart()
+    no_inline()
     plan, w, n, found = m.plan, m.w, m.plan[COORDINATES], 0
     for k in range(n):
         m.u[k] = state[1 + n + k] + 0.5 * h * state[1 + 2 * n + k]
@@ -156,7 +156,7 @@ def factorise(m, h, A, pivots, own):
 
     ``pivots``, ``own``: places of the pivots of those factors, and of the ones made here.
     """
-    apart()
+    no_inline()
     plan, w, n, count = m.plan, m.w, m.plan[COORDINATES], m.pivots[SLOPED]
     answer = plan[COLUMNS] + plan[KEPT] * n
     for q in range(count):
@@ -177,7 +177,7 @@ def factorise(m, h, A, pivots, own):
 
 @of_stiffness(0.0)
 @njit(**OPTIONS)
-def matter(m, h, A):
+def needed_slopes(m, h, A):
     """DAMPED if Newton's iteration needs the slopes by speeds, STIFF if only those by coordinates, else 0."""
     found = 0.0
     for r in range(m.pivots[SLOPED]):
@@ -193,7 +193,7 @@ def matter(m, h, A):
 @njit(**OPTIONS)
 def correct(m, h, A, own):
     """Correct the solution of ``solve_closed``, reactions included, by the slopes."""
-    apart()
+    no_inline()
     plan, n, count, x = m.plan, m.plan[COORDINATES], m.pivots[SLOPED], m.plan[SLOPE_FORCES]
     answer = plan[COLUMNS] + plan[KEPT] * n
     for r in range(count):
@@ -210,7 +210,7 @@ def correct(m, h, A, own):
 @njit(**OPTIONS)
 def resist_defect(m, h, defect, A, answer):
     """Add the effect of the slopes on a defect to the forces: see ``collocation._error``."""
-    apart()
+    no_inline()
     for r in range(m.pivots[SLOPED]):
         size, way = _grown(m, r, h, h * h, defect), _way(m, m.pivots[m.plan[WITH_SLOPES] + r])
         for i in range(m.plan[COORDINATES]):

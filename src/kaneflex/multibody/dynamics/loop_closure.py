@@ -18,7 +18,7 @@ from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_clo
 from kaneflex.support.inner import once
 from kaneflex.multibody.compile.values import copy, row_length
 from kaneflex.multibody.compile.stand_ins import of_modes
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted
 from kaneflex.multibody.model.layout import (
     BENDS, CHANGE_POINT, COLUMNS, COORDINATES, CROSSING, DEPENDENT, GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE,
     PASSING, PIVOTS, REACH, REACTION, ROW_OF, SIDE, WHEN, YIELDING,
@@ -47,7 +47,7 @@ correct rates that are nearly known."""
 def gradients(m, bends, across):
     """Derivatives of the kept rows at the current state, those by shapes only if requested, and factors of those by
     dependent coordinates, of their transpose if ``across``; False: singular."""
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     count, n = plan[KEPT], plan[COORDINATES]
     for r in range(count):
@@ -82,7 +82,7 @@ def close(m, near):
     ``near``: correction at which iteration ends, at least CLOSED. If negative, positions are made accurate to rounding:
     iteration ends below EXACT.
     """
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     count, before = plan[KEPT], math.inf
     deform(m)
@@ -115,7 +115,7 @@ def close(m, near):
 @njit(**OPTIONS)
 def follow(m, t):
     """Kinematics from the independent coordinates, dependent ones included; False: a loop does not close."""
-    if not crosses(m, t):  # there rates select the branch
+    if not is_near_change_point(m, t):  # there rates select the branch
         for k in range(m.plan[KEPT]):
             i = m.plan[m.plan[DEPENDENT] + k]
             m.u[i] = m.du[i] = 0.0
@@ -126,13 +126,13 @@ def follow(m, t):
 def follow_on(m, t, near):
     """The same with nearly known rates and accelerations of dependent coordinates; ``near``: see :func:`close`."""
     prescribe(m, t)
-    if crosses(m, t):
+    if is_near_change_point(m, t):
         return _follow_across(m, t)
     return _follow_here(m, -1.0 if m.pivots[PASSING] else near)
 
 
 @njit(**OPTIONS)
-def crosses(m, t):
+def is_near_change_point(m, t):
     """True if the loops are nearly singular at t [s], as at a change point."""
     w, shared = m.w, m.plan[CROSSING]
     return abs(t - w[shared + WHEN]) < w[shared + REACH]
@@ -141,7 +141,7 @@ def crosses(m, t):
 @njit(**OPTIONS)
 def _follow_here(m, near):
     """The same with prescribed coordinates already set."""
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     if not close(m, near):
         return False
@@ -170,7 +170,7 @@ def _follow_across(m, t):
     Dependent coordinates, rates, accelerations and derivatives are interpolated (Lagrange) between regular positions on
     either side, along the direction of the rates.
     """
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     n, count, kept, reach = plan[COORDINATES], plan[KEPT], plan[CROSSING] + CHANGE_POINT, w[plan[CROSSING] + REACH]
     sums, here = kept + 3 * n, (t - w[plan[CROSSING] + WHEN]) / reach
@@ -212,7 +212,7 @@ def _follow_across(m, t):
 @njit(**OPTIONS)
 def _add_dependent(m, sums, weight):
     """Add positions, rates and accelerations of dependent coordinates, and their derivatives by all coordinates."""
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     n, count = plan[COORDINATES], plan[KEPT]
     for r in range(count):
@@ -230,7 +230,7 @@ def _add_dependent(m, sums, weight):
 def reduce_across(m):
     """Reduce the residual to independent coordinates by the dependent ones' derivatives near a change point, without
     reactions."""
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     n, count = plan[COORDINATES], plan[KEPT]
     derivatives = plan[CROSSING] + CHANGE_POINT + 3 * n + 3 * count
@@ -243,7 +243,7 @@ def reduce_across(m):
 @njit(**OPTIONS)
 def move_closed(m, t):
     """Kinematics from all coordinates, which close the loops already."""
-    apart()
+    no_inline()
     prescribe(m, t)
     deform(m)
     place(m, 0)
@@ -256,12 +256,12 @@ def move_closed(m, t):
 @njit(**OPTIONS)
 def rows_of_frictions(m):
     """Rows of the contacts and frictions at the current state."""
-    apart()
+    no_inline()
     for n in range(rows.contacts(m)):
-        if not rows.switches(m, n):
-            relative_rows.meet(m, n)
+        if not rows.is_switch(m, n):
+            relative_rows.fill_contact(m, n)
     for n in range(-rows.frictions(m), 0):
-        frictions.row_of(m, n)
+        frictions.fill_friction(m, n)
 
 
 @once
@@ -276,9 +276,9 @@ def factorise_now(m, A):
 
 @once
 @njit(**OPTIONS)
-def mend(m, t, A, turns):
+def correct_accelerations(m, t, A, turns):
     """Correct accelerations and reactions at the current state in ``turns`` iterations; False: singular."""
-    apart()
+    no_inline()
     plan = m.plan
     if not factorise_now(m, A):
         return False

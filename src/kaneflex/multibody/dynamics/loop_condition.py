@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics.algebra import linear_size
 from kaneflex.multibody.dynamics.cut_rows import is_kept
@@ -79,7 +79,7 @@ def pushes(m, row):
 def margin(m):
     """Least pivot of these derivatives, as a share of its coordinate's largest derivative: 0 at a singular
     position; and the number of its row."""
-    apart()
+    no_inline()
     plan, w, least, of_least = m.plan, m.w, 1.0, 0
     of_forces = of_moments = 1e-300
     for r in range(plan[KEPT]):
@@ -108,7 +108,7 @@ def margin(m):
 @njit(**OPTIONS)
 def determined(m):
     """True if bodies are rigid and at most one independent coordinate moves each dependent one."""
-    apart()
+    no_inline()
     plan, w, count, movers = m.plan, m.w, m.plan[KEPT], m.plan[CROSSING] + CHANGE_POINT
     for b in range(plan[BODIES]):
         if m.bodies[b, SHAPES]:
@@ -134,7 +134,7 @@ def outgrown(m):
 
     If two kept rows become equal, a third one that depends on both becomes independent.
     """
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     count, n = plan[KEPT], plan[COORDINATES]
     out, most = plan[GRADIENT] + n * count, 0.0
@@ -167,7 +167,7 @@ def ill_conditioned(m):
     Near a dead centre the loops no longer determine the dependent coordinates chosen far from it, but others. Gradients
     are those of the last loop closure.
     """
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     count = plan[KEPT]
     if count == 0:

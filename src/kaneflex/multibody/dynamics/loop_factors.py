@@ -9,13 +9,15 @@ from numba import njit
 
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import factors
-from kaneflex.multibody.unilateral.rows import rigid
+from kaneflex.multibody.unilateral.rows import is_rigid
 from kaneflex.multibody.compile.stand_ins import of_impacts
 from kaneflex.multibody.compile.values import row_length, twists, width
 from kaneflex.multibody.dynamics.algebra import dot, scaled
 from kaneflex.multibody.dynamics.articulated import factorise, solve
-from kaneflex.multibody.dynamics.tree import add_force, clear, clear_bodies, fill, place_of, tree, twist_of
-from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
+from kaneflex.multibody.dynamics.tree import (
+    add_force, clear_bodies, clear_forces, fill_matrices, place_of, tree_arrays, twist_of,
+)  # fmt: skip
+from kaneflex.multibody.compile.types import OPTIONS, no_inline, shifted
 from kaneflex.multibody.model.layout import (
     AT, COLUMNS, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON, REACTION, ROW_OF, SCHUR, TOUCHING,
     VIRTUAL, YIELDING,
@@ -23,14 +25,14 @@ from kaneflex.multibody.model.layout import (
 
 
 @njit(**OPTIONS)
-def pull(m, t, r):
+def add_unit_reaction(m, t, r):
     """Add the generalised forces of a row's unit reaction, with the friction that it brings."""
-    apart()
-    if factors.virtual(m, r) >= 0:
-        t.y[factors.virtual(m, r)] += 1.0
+    no_inline()
+    if factors.virtual_coordinate(m, r) >= 0:
+        t.y[factors.virtual_coordinate(m, r)] += 1.0
         return
     cut, k = row_at(m, r)
-    n = factors.slips_by(m, r)
+    n = factors.friction_by_reaction(m, r)
     for side in range(2):
         add_force(m, t, m.acts[cut, AT + side], twists(m, shifted(m.w, k))[side])
         if n:
@@ -39,34 +41,34 @@ def pull(m, t, r):
 
 
 @njit(**OPTIONS)
-def opening(m, t, r):
+def row_rate(m, t, r):
     """Rate of a row for the rates of the tree's bodies and coordinates."""
-    apart()
-    if factors.virtual(m, r) >= 0:
-        return t.y[factors.virtual(m, r)]
+    no_inline()
+    if factors.virtual_coordinate(m, r) >= 0:
+        return t.y[factors.virtual_coordinate(m, r)]
     cut, k = row_at(m, r)
     sides = twists(m, shifted(m.w, k))
     return dot(sides[0], twist_of(m, t, m.acts[cut, AT])) + dot(sides[1], twist_of(m, t, m.acts[cut, ON]))
 
 
 @njit(**OPTIONS)
-def reach(m, h, A):
+def factorise_tree(m, h, A):
     """Factors of M + h C + h^2 K of the tree, responses of the coordinates to unit reactions of kept rows and
     contacts, and of these rows at SCHUR; False: zero pivot."""
-    apart()
+    no_inline()
     plan = m.plan
-    t = tree(m, A, column(m, 0))
-    fill(m, t, h)
+    t = tree_arrays(m, A, column(m, 0))
+    fill_matrices(m, t, h)
     if not factorise(t):
         return False
     count = plan[KEPT] + m.pivots[YIELDING]
     for r in range(count):
-        t = tree(m, A, column(m, r))
-        clear(m, t)
-        pull(m, t, r)
+        t = tree_arrays(m, A, column(m, r))
+        clear_forces(m, t)
+        add_unit_reaction(m, t, r)
         solve(t)
         for q in range(count):
-            A[plan[SCHUR] + count * q + r] = opening(m, t, q)
+            A[plan[SCHUR] + count * q + r] = row_rate(m, t, q)
     return True
 
 
@@ -76,39 +78,39 @@ def factorise_closed(m, h, A, pivots):
 
     In addition to the tree's factors: responses of coordinates and cut joints to unit reactions of the kept rows.
     """
-    apart()
-    if not reach(m, h, A):
+    no_inline()
+    if not factorise_tree(m, h, A):
         return False
     plan, count = m.plan, m.plan[KEPT] + m.pivots[YIELDING]
     most = factors.largest_limit(m, count, A)
-    for r in range(0 if _shares(m) else plan[KEPT], count):
-        soften(m, r, count, h, A, most)
+    for r in range(0 if _is_shared(m) else plan[KEPT], count):
+        add_compliance(m, r, count, h, A, most)
     return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
 
 
 @of_impacts(False)
 @njit(**OPTIONS)
-def _shares(m):
+def _is_shared(m):
     """True if the factors contain rigid contacts that are no kept rows: then all contacts at rest are compliant."""
     for r in range(m.plan[VIRTUAL], m.pivots[YIELDING]):
         n = m.pivots[m.plan[TOUCHING] + r]
-        if n >= 0 and rigid(m, n):
+        if n >= 0 and is_rigid(m, n):
             return True
     return False
 
 
 @njit(**OPTIONS)
-def soften(m, r, count, h, A, most):
+def add_compliance(m, r, count, h, A, most):
     """Add the compliance of a row, none of cuts, negative where it removes virtual inertia; ``most``: largest
     force limit of frictions."""
-    own, k = m.plan[SCHUR] + (count + 1) * r, factors.virtual(m, r)
+    own, k = m.plan[SCHUR] + (count + 1) * r, factors.virtual_coordinate(m, r)
     if k >= 0:
         A[own] -= 1.0 / m.virtual_inertia[k]
         return
     n = factors.row_in(m, r) if r >= m.plan[KEPT] else m.plan[m.plan[ROW_OF] + r] - m.plan[CUT_ROWS]
     if r < m.plan[KEPT] and n < 0:
         return
-    if not factors.by_force(m, n, r, count, h, A):
+    if not factors.use_force_law(m, n, r, count, h, A):
         A[own] += factors.compliance(m, n, h, r, count, A, most)
 
 
@@ -140,16 +142,16 @@ def column(m, r):
 def solve_closed(m, A, pivots):
     """Response to generalised forces: both in the row of COLUMNS after the kept ones; at REACTION the reactions that
     keep loops closed, and contact forces."""
-    apart()
+    no_inline()
     plan = m.plan
     count, n, x = plan[KEPT] + m.pivots[YIELDING], plan[COORDINATES], plan[REACTION]
     answer = plan[COLUMNS] + n * plan[KEPT]
-    t = tree(m, A, answer)
+    t = tree_arrays(m, A, answer)
     clear_bodies(m, t)
     solve(t)
     if count:
         for r in range(count):
-            A[x + r] = factors.missing(m, A, r, opening(m, t, r))
+            A[x + r] = factors.right_hand_side(m, A, r, row_rate(m, t, r))
         dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
         if width(m) == 6:  # in the plane few rows are redundant, and none nearly
             factors.leave_out_idle(m, A, count, pivots)

@@ -14,10 +14,10 @@ from kaneflex.multibody.dynamics.courses import courses
 from kaneflex.multibody.dynamics.inverse_dynamics import RIGID, RIGID_PLANAR, own_inertia
 from kaneflex.multibody.dynamics.interactions import spring_size, unit_wrench
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
-from kaneflex.multibody.compile.types import OPTIONS, apart
+from kaneflex.multibody.compile.types import OPTIONS, no_inline
 from kaneflex.multibody.model.layout import (
-    AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DRIVES, LOADS, MODAL, ON, POWER, PRESCRIBED, PUSHED, PUSHES,
-    ROW_AT, SPRINGS, SQUARE, STORED, WORKS,
+    AT, BODIES, CONTACTS, COURSE, COURSE_AT, CUTS, DRIVES, LOADS, MODAL, ON, POWER, PRESCRIBED, PUSHED, PUSHES, ROW_AT,
+    SPRINGS, SQUARE, STORED, WORKS,
 )  # fmt: skip
 from kaneflex.multibody.model.layout import SHAPES as COUNTED
 from kaneflex.multibody.model.tree_layout import BODY, COUNT, KIND, SHAPES, SPEED
@@ -77,7 +77,7 @@ _strain, _first_moments = by_size(_strain, _strain_in_space), by_size(_first_mom
 @njit(**OPTIONS)
 def energies(m):
     """Kinetic energy, strain energy, and potential energy of the weight, after ``demand``."""
-    apart()
+    no_inline()
     plan = m.plan
     for k in range(3):
         m.energies[k] = 0.0
@@ -97,7 +97,7 @@ def losses(m, out):
 
     The loss of a contact is its work less its stored energy, since the loss itself is not smooth near zero depth.
     """
-    apart()
+    no_inline()
     plan, w, acts = m.plan, m.w, m.acts
     lost = 0.0
     for b in range(plan[BODIES]):
@@ -124,7 +124,7 @@ def losses(m, out):
 def powers(m):
     """Powers [W] at POWER, after :func:`demand`: dissipation without contacts and friction, loads, drives, holds,
     contacts."""
-    apart()
+    no_inline()
     plan, w, acts = m.plan, m.w, m.acts
     losses(m, plan[POWER])
     out = plan[POWER] + 1 + plan[SPRINGS] - plan[LOADS]

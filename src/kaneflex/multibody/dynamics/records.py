@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import OPTIONS, apart
+from kaneflex.multibody.compile.types import OPTIONS, no_inline
 from kaneflex.multibody.compile.values import by_size, copy
 from kaneflex.multibody.dynamics import powers
 from kaneflex.multibody.dynamics.algebra import axpy, force_at, minus, plus, scaled
@@ -26,29 +26,29 @@ def give_coordinates(m):
 
 
 @njit(**OPTIONS)
-def keep(m, t, row):
+def store_record(m, t, row):
     """Store the record of the current instant, see :class:`kaneflex.multibody.dynamics.arrays.Instants`: forces along
     the speeds and of joints, energies, powers, results of rows."""
-    apart()
+    no_inline()
     demand(m, t)
     powers.powers(m)
     copy(m.h, m.along, m.plan[COORDINATES])
-    exert(m)
+    joint_forces(m)
     powers.energies(m)
     record(m)
     copy(m.kept, row, m.counts[KEPT])
 
 
 @njit(**OPTIONS)
-def exert(m):
+def joint_forces(m):
     """Forces and moments that the joints exert, from the wrenches of the nodes and the reactions of the cuts."""
-    apart()
+    no_inline()
     for n in range(m.counts[JOINTS]):
-        m.exerted[n] = _exerted(m, n)
+        m.exerted[n] = _joint_force(m, n)
 
 
 @njit(**OPTIONS)
-def _exerted(m, joint):
+def _joint_force(m, joint):
     """Force of a joint of the tree on its second body, by the joint's rows, then along its coordinate; zero of others.
 
     If the outer body is the first one, its normal force has the guide's arm besides.
@@ -68,7 +68,7 @@ def _exerted(m, joint):
 
 
 @njit(**OPTIONS)
-def _exerted_in_space(m, joint):
+def _joint_wrench(m, joint):
     """Force and moment of a joint on its second body at its second point."""
     n, on, wrench = m.joints[joint, LAST_NODE], m.joints[joint, CARRIER], (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     first_row, last_row = m.joints[joint, FIRST_ROW], m.joints[joint, LAST_ROW]
@@ -83,4 +83,4 @@ def _exerted_in_space(m, joint):
     return wrench if n == 0 else axpy(m.multipliers[row_at(m, n)], row_wrench(m, row_at(m, n), 1), wrench)
 
 
-_exerted = by_size(_exerted, _exerted_in_space)
+_joint_force = by_size(_joint_force, _joint_wrench)

@@ -14,19 +14,17 @@ from kaneflex.multibody.dynamics import rotation_vectors
 from kaneflex.multibody.dynamics.loop_closure import follow, gradients, move_dependent, solve_loops
 from kaneflex.multibody.dynamics.arrays import BALLS, OWN
 from kaneflex.multibody.dynamics.arrays import COORDINATES as ALL_COORDINATES
-from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, shifted
-from kaneflex.multibody.model.layout import (
-    COORDINATES, DEPENDENT, INPUT, KEPT, PASSING, REACTIONS, ROW_OF, SIDE,
-)  # fmt: skip
+from kaneflex.multibody.compile.types import ENTRY, OPTIONS, no_inline, shifted
+from kaneflex.multibody.model.layout import COORDINATES, DEPENDENT, INPUT, KEPT, PASSING, REACTIONS, ROW_OF, SIDE
 
 
 @njit(**OPTIONS)
-def react(m):
+def update_reactions(m):
     """Update the reactions of the cuts at NOW to balance the dependent coordinates; False: singular.
 
     At DEMAND the independent coordinates then have the whole residual.
     """
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     n, count = plan[COORDINATES], plan[KEPT]
     if not gradients(m, True, True):
@@ -43,9 +41,9 @@ def react(m):
 
 
 @njit(**OPTIONS)
-def stand_at(m, q):
+def set_coordinates(m, q):
     """Set coordinates, those of balls as quaternions; returns their number."""
-    apart()
+    no_inline()
     for n in range(m.counts[OWN]):
         m.y[m.own[n, 1]] = q[m.own[n, 0]]
     for n in range(m.counts[BALLS]):
@@ -64,11 +62,11 @@ def settled(m):
 
 
 @njit(**OPTIONS)
-def stand_near(m, given, width):
+def set_state(m, given, width):
     """Set coordinates and speeds, and their rates and inputs if a row of that width has them; returns the number of
     inputs."""
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
-    speeds = stand_at(m, given)
+    speeds = set_coordinates(m, given)
     added = width - speeds - 2 * n
     for i in range(n):
         m.u[i] = given[speeds + i]
@@ -83,7 +81,7 @@ def stand_near(m, given, width):
 def reduced_demand(m, independent, free, times, count, given, width, out):
     """Generalised forces of the independent speeds, N = kg m/s^2 or N m, then all speeds, (count, free + n).
 
-    given: rows of :func:`stand_near`; accelerations of dependent speeds follow from the loops. The tables keep the last
+    given: rows of :func:`set_state`; accelerations of dependent speeds follow from the loops. The tables keep the last
     row, with the reactions of its cuts, and without inputs. Returns the number of rows done: the next one doesn't
     close.
     """
@@ -91,13 +89,13 @@ def reduced_demand(m, independent, free, times, count, given, width, out):
     added, done = 0, 0
     m.pivots[PASSING] = 1  # positions as exact as near change points, as derivatives are taken by differences
     for row in range(count):
-        added = stand_near(m, shifted(given, row * width), width)
+        added = set_state(m, shifted(given, row * width), width)
         for r in range(plan[REACTIONS]):
             m.multipliers[r] = 0.0
         if not follow(m, times[row]) or (settled(m) and not follow(m, times[row])):
             break
         demand(m, times[row])
-        if not react(m):
+        if not update_reactions(m):
             break
         settled(m)
         here = shifted(out, row * (free + n))

@@ -6,8 +6,8 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import OPTIONS, apart
-from kaneflex.multibody.compile.values import inside
+from kaneflex.multibody.compile.types import OPTIONS, no_inline
+from kaneflex.multibody.compile.values import inline
 from kaneflex.multibody.dynamics.algebra import axpy, cross, dot, plus, scaled
 from kaneflex.multibody.dynamics.arrays import BALLS
 from kaneflex.multibody.model.layout import COORDINATES, LAST_A
@@ -19,14 +19,14 @@ FARTHEST = 2.0
 
 
 @njit(**OPTIONS)
-def turning(theta):
+def rate_coefficients(theta):
     """Coefficients b, c of a rotation vector's rate, and of their own rates.
 
     In its axes the angular velocity is omega = theta' - b theta x theta' + c theta x (theta x theta') with b = (1 - cos
     |theta|) / |theta|^2, c = (|theta| - sin |theta|) / |theta|^3 (Sola, Deray & Atchuthan 2018, arXiv:1812.01537, eq.
     143); the rates of b and c are the other two times theta . theta'. By their power series, to rounding up to a turn.
     """
-    apart()
+    no_inline()
     square, b, c, b_rate, c_rate = dot(theta, theta), 1.0, 1.0, 0.0, 0.0
     for k in range(_TERMS, 0, -1):
         r_b = 1.0 / ((2.0 * k + 1.0) * (2.0 * k + 2.0))
@@ -39,7 +39,7 @@ def turning(theta):
 @njit(**OPTIONS)
 def spun(theta, b, c, x):
     """x - b theta x x + c theta x (theta x x)."""
-    inside()
+    inline()
     first_ = cross(theta, x)
     return axpy(c, cross(theta, first_), axpy(-b, first_, x))
 
@@ -48,9 +48,9 @@ def spun(theta, b, c, x):
 def spin(m, s):
     """Angular velocity of a ball relative to its parent in its axes, and its rate by these axes; its speeds begin at
     s."""
-    apart()
+    no_inline()
     theta, rate = (m.y[s], m.y[s + 1], m.y[s + 2]), (m.u[s], m.u[s + 1], m.u[s + 2])
-    b, c, b_rate, c_rate = turning(theta)
+    b, c, b_rate, c_rate = rate_coefficients(theta)
     along_, turned_ = dot(theta, rate), cross(theta, rate)
     faster = axpy(c, cross(rate, turned_), scaled(-b_rate * along_, turned_))
     faster = axpy(c_rate * along_, cross(theta, turned_), faster)
@@ -61,7 +61,7 @@ def spin(m, s):
 @njit(**OPTIONS)
 def compose(q, k, x, y, z):
     """The quaternion at q[k] times that of a rotation vector, of unit length again."""
-    apart()
+    no_inline()
     angle = math.sqrt(x * x + y * y + z * z)
     share = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
     w, x, y, z = math.cos(0.5 * angle), share * x, share * y, share * z
@@ -78,7 +78,7 @@ def compose(q, k, x, y, z):
 def rebase(m):
     """Make the current axes of balls those of their quaternions, where speeds are angular velocities in these axes;
     True if one has turned since."""
-    apart()
+    no_inline()
     turned = False
     for n in range(m.counts[BALLS]):
         k, s = m.balls[n, 0], m.balls[n, 1]
@@ -94,7 +94,7 @@ def rebase(m):
 @njit(**OPTIONS)
 def note_turns(m, i):
     """Store the angular accelerations of balls in stage i; False: one has turned too far in the step."""
-    apart()
+    no_inline()
     for n in range(m.counts[BALLS]):
         s = m.balls[n, 1]
         if m.y[s] ** 2 + m.y[s + 1] ** 2 + m.y[s + 2] ** 2 > FARTHEST**2:

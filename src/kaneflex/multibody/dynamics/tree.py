@@ -3,7 +3,7 @@
 The origin of a body is the node at its joint: its section there where shapes move its axes against that, else its axes.
 
 In space, the factors of a step belong to its middle, those of mass matrices to its stages: each have a geometry of
-their own, which :func:`use` makes the current one.
+their own, which :func:`use_geometry` makes the current one.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from collections import namedtuple
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_stiffness
-from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, apart, shifted
-from kaneflex.multibody.compile.values import after, copy, inside, row_length, twists, vectors, width
+from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, no_inline, shifted
+from kaneflex.multibody.compile.values import after, copy, inline, row_length, twists, vectors, width
 from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, minus, plus, scaled, times, twist_at, zero_like
 from kaneflex.multibody.dynamics.arrays import GEOMETRY, NODES, SECTIONS
 from kaneflex.multibody.dynamics.arrays import PHI as ROWS
@@ -54,7 +54,7 @@ Tree = namedtuple("Tree", "counts bodies free I E L U D S phi place arm x y room
 @njit(**OPTIONS)
 def place_of(m, what):
     """Place in ``w`` of the geometry at which the current factors were made."""
-    inside()
+    inline()
     if width(m) == 6:
         return m.pivots[what]
     return m.plan[what]
@@ -68,7 +68,7 @@ def _row_numbers(m):
 
 @once
 @njit(**OPTIONS)
-def use(m, i):
+def use_geometry(m, i):
     """Make the geometry of the middle of a step (0) or of one of its stages (1 to 3) that of the factors; the plane has
     only one."""
     if width(m) == 3:
@@ -85,7 +85,7 @@ def use(m, i):
 @njit(**OPTIONS)
 def assemble(m):
     """Inertias of all bodies, and the geometry in use, at the current position."""
-    apart()
+    no_inline()
     inertias(m)
     place, arm = vectors(shifted(m.w, place_of(m, PLACES))), vectors(shifted(m.w, place_of(m, ARMS)))
     for b in range(m.plan[BODIES]):
@@ -114,7 +114,7 @@ def assemble(m):
 @njit(**OPTIONS)
 def _turn_shapes(m, node, phi):
     """Global twists of a section by shapes, relative to its body's node at the joint."""
-    apart()
+    no_inline()
     on = base(m, node)
     own, out = after(m.phi, m.nodes[node, ROW_OF]), after(phi, m.nodes[node, ROW_OF])
     for j in range(m.nodes[node, COUNT]):
@@ -130,7 +130,7 @@ def _turn_shapes(m, node, phi):
 def _move_inertia(m, b, back):
     """Move matrices I, E and L of a body from its axes to its joint's section; ``back``: the axes' twists by shapes,
     moved there, too."""
-    apart()
+    no_inline()
     count, L = m.bodies[b, SHAPES], m.bodies[b, SQUARE]
     I, E = after(m.I, width(m) * b), after(m.E, m.bodies[b, COUPLING])
     arm = minus(m.r[m.frames[b, 0]], m.r[m.frames[b, 2]])
@@ -149,7 +149,7 @@ def _move_inertia(m, b, back):
 def keep_rows(m):
     """Rows of cuts and contacts for the factors: their Jacobians, and the sections' places from their bodies' nodes and
     from their own."""
-    apart()
+    no_inline()
     arms = vectors(shifted(m.w, place_of(m, MIDDLE)))
     for n in range(m.counts[SECTIONS]):
         on = m.on[n]
@@ -160,9 +160,9 @@ def keep_rows(m):
 
 
 @njit(**OPTIONS)
-def tree(m, A, y):
+def tree_arrays(m, A, y):
     """Arrays of the tree in factors A, with the coordinates from y on."""
-    inside()
+    inline()
     plan, w = m.plan, m.w
     return Tree(
         plan, m.bodies, shifted(plan, plan[FREED]), twists(m, shifted(A, plan[TREE_I])),
@@ -174,9 +174,9 @@ def tree(m, A, y):
 
 
 @njit(**IN_ORDER)
-def fill(m, t, h):
+def fill_matrices(m, t, h):
     """Fill the tree's matrices with those of M + h C + h^2 K at the middle of the step."""
-    apart()
+    no_inline()
     plan = m.plan
     last = plan[BODIES] - 1
     copy(m.I, t.I, width(m) * plan[BODIES])
@@ -189,7 +189,7 @@ def fill(m, t, h):
 @njit(**OPTIONS)
 def _fill_joints(m, t, h):
     """Fill D with h C + h^2 K of springs at joints, and with virtual inertia, which shapes have on their diagonals."""
-    apart()
+    no_inline()
     plan = m.plan
     for k in range(plan[COORDINATES]):
         t.D[k] = m.virtual_inertia[k] + h * (m.joint_damping[k] + h * m.joint_stiffness[k])
@@ -202,7 +202,7 @@ def _fill_joints(m, t, h):
 @njit(**OPTIONS)
 def resist(m, h, x, A, answer):
     """Forces -(h C + h^2 K) x of shapes and joints' springs for accelerations x, stored from ``answer`` on."""
-    apart()
+    no_inline()
     for k in range(m.plan[COORDINATES]):
         A[answer + k] = -h * (m.joint_damping[k] + h * m.joint_stiffness[k]) * x[k]
     for b in range(m.plan[BODIES]):
@@ -214,9 +214,9 @@ def resist(m, h, x, A, answer):
 
 
 @njit(**OPTIONS)
-def clear(m, t):
+def clear_forces(m, t):
     """Set all forces of the tree to zero."""
-    apart()
+    no_inline()
     for k in range(m.plan[COORDINATES]):
         t.y[k] = 0.0
     clear_bodies(m, t)
@@ -232,7 +232,7 @@ def clear_bodies(m, t):
 @njit(**OPTIONS)
 def twist_of(m, t, n):
     """Twist of a section from the rates of bodies and coordinates."""
-    apart()
+    no_inline()
     on = m.on[n]
     if on < 0:
         return scaled(0.0, t.x[0])
@@ -248,7 +248,7 @@ def twist_of(m, t, n):
 @njit(**OPTIONS)
 def add_force(m, t, n, force):
     """Add a section's force and moment to the forces of its body and shapes."""
-    apart()
+    no_inline()
     on = m.on[n]
     if on < 0:
         return

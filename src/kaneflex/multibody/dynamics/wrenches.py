@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
+from kaneflex.multibody.compile.types import OPTIONS, no_inline, shifted
 from kaneflex.multibody.compile.values import after, row_length, twists
 from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, minus
 from kaneflex.multibody.dynamics.axes import base, freedoms, to_axes
@@ -17,7 +17,7 @@ from kaneflex.support.inner import once
 @njit(**OPTIONS)
 def push(m, n, wrench):
     """Subtract a wrench on a section from the inertia forces of its body."""
-    apart()
+    no_inline()
     on = m.on[n]
     if on >= 0:
         wrench = force_at(wrench, minus(section_place(m, n), m.r[on]))
@@ -37,7 +37,7 @@ def along(m, n, wrench, bends, out):
 
     The wrench is passed inwards from node to node.
     """
-    apart()
+    no_inline()
     node, w = m.on[n], after(m.w, out)
     if node < 0:
         return

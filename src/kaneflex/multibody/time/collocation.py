@@ -30,11 +30,13 @@ from kaneflex.multibody.dynamics import change_points, load_derivatives
 from kaneflex.multibody.time import event_location, stage_residuals
 from kaneflex.multibody.unilateral import active_set, factors, step_rows
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
-from kaneflex.multibody.compile.types import ENTRY, OPTIONS, apart, basis, larger, shifted, smaller
+from kaneflex.multibody.compile.types import ENTRY, OPTIONS, basis, larger, no_inline, shifted, smaller
 from kaneflex.multibody.dynamics.loop_condition import ill_conditioned
-from kaneflex.multibody.dynamics.loop_closure import NEAR, close, crosses, follow, follow_on, mend
+from kaneflex.multibody.dynamics.loop_closure import (
+    NEAR, close, correct_accelerations, follow, follow_on, is_near_change_point,
+)  # fmt: skip
 from kaneflex.multibody.dynamics.powers import losses
-from kaneflex.multibody.time.state_record import give, row_size, works_at
+from kaneflex.multibody.time.state_record import row_size, works_at, write_row
 from kaneflex.multibody.model.layout import (
     ACCEL_SCALE, ACTS, BY_FORCES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, FREED, HOLDS, KEPT,
     LAST_A, LAST_R, LOADS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE_SCALE, REACTION, REACTIONS, ROW_AT, SCALE, SLOPED,
@@ -56,7 +58,7 @@ _FAR = 100.0
 @njit(**OPTIONS)
 def _first_guess(m, table, h, length, state):
     """Initial stages from the last step's polynomial, or constant if it does not apply."""
-    apart()
+    no_inline()
     plan, w, c = m.plan, m.w, table.nodes
     n, r, length = plan[COORDINATES], plan[REACTIONS], length if _FAR * length > h else 0.0
     for i in range(3):
@@ -77,7 +79,7 @@ def _factors(m, table, t, h, state, A, B, sloped):
 
     ``sloped``: include derivatives of loads and springs, see :mod:`kaneflex.multibody.dynamics.load_derivatives`.
     """
-    apart()
+    no_inline()
     plan = m.plan
     n, step = plan[COORDINATES], h * change_points.begin(m, t, h)
     for k in range(n):
@@ -85,7 +87,7 @@ def _factors(m, table, t, h, state, A, B, sloped):
     prescribe(m, t + step)
     if not close(m, NEAR):
         return False
-    step_rows.let_yield(m, h, state)
+    step_rows.collect_rows(m, h, state)
     m.pivots[SLOPED] = 0
     if sloped:
         load_derivatives.find(m, t + 0.5 * h, h, state)
@@ -101,16 +103,16 @@ def _factors(m, table, t, h, state, A, B, sloped):
 
 @njit(**OPTIONS)
 def _slopes_needed(m, table, t, h, state, A, B):
-    """Derivatives of loads and springs that Newton's iteration needs to converge, see ``slopes.matter``."""
+    """Derivatives of loads and springs that Newton's iteration needs, see ``load_derivatives.needed_slopes``."""
     if m.plan[LOADS] == m.plan[CONTACTS] or not _factors(m, table, t, h, state, A, B, True):
         return 0.0
-    return load_derivatives.matter(m, h * table.real[0], A)
+    return load_derivatives.needed_slopes(m, h * table.real[0], A)
 
 
 @njit(**OPTIONS)
 def _stage(m, table, t, h, i, state):
     """Kinematics and residual of stage i; False if a loop does not close."""
-    apart()
+    no_inline()
     plan, w, c = m.plan, m.w, table.nodes[i]
     n, r, a_1, a_2, of = plan[COORDINATES], plan[REACTIONS], table.a_1, table.a_2, plan[STAGE_A]
     for k in range(n):
@@ -129,7 +131,7 @@ def _stage(m, table, t, h, i, state):
     count = courses(m)
     for k in range(count):
         w[plan[STAGE_C] + count * i + k] = w[plan[COURSE] + 3 * k + 1]
-    event_location.note(m, t + c * h, i + 1)
+    event_location.monitor(m, t + c * h, i + 1)
     step_rows.store_stage(m, i)
     return True
 
@@ -148,19 +150,19 @@ def _improve(m, table, h, A, B):
 
     The drives' powers are updated, since their forces are part of the solution.
     """
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     n, count = plan[COORDINATES], plan[KEPT]
     answer = plan[COLUMNS] + count * n
-    stage_residuals.ask(m, table, h, A, B)
+    stage_residuals.fill_right_hand_sides(m, table, h, A, B)
     step_rows.prescribe_in_stages(m, table.into, A, B)
     solve_closed(m, A, plan[PIVOTS])
     solve_closed(m, B, plan[PAIR_PIVOTS])
     if m.pivots[SLOPED]:
         load_derivatives.correct(m, h * table.real[0], A, plan[SLOPE_PIVOTS])
         load_derivatives.correct(m, h * table.pair[0], B, plan[SLOPE_PAIR_PIVOTS])
-    stage_residuals.answered(m, A)
-    stage_residuals.answered(m, B)
+    stage_residuals.complete_solution(m, A)
+    stage_residuals.complete_solution(m, B)
     change = 0.0
     for i in range(3):
         one, two = table.out[i].real, 2.0 * table.out[3 + i]
@@ -191,18 +193,18 @@ def _improve(m, table, h, A, B):
 @njit(**OPTIONS)
 def _iterate(m, table, t, h, state, replayed, counts, A, B):
     """Solve the stage equations; return True if converged."""
-    apart()
+    no_inline()
     before, plan = 0.0, m.plan
     touches = plan[HOLDS] < plan[DRIVES] or plan[CONTACTS] < plan[ACTS]
     enough = _CLOSE if replayed or touches or table.ends[0] == 0.0 else _NEAR
     for iteration in range(30 if replayed else 10):
         counts[2] += 1
         for i in range(3):
-            if not (_stage(m, table, t, h, i, state) and stage_residuals.keep(m, i, iteration == 0)):
+            if not (_stage(m, table, t, h, i, state) and stage_residuals.store_residual(m, i, iteration == 0)):
                 return False
             if iteration > 0:
                 losses(m, m.plan[STAGE_P] + m.plan[WORKS] * i)
-        step_rows.bend(m, table, h, state)
+        step_rows.deflect_bristles(m, table, h, state)
         change = _improve(m, table, h, A, B)
         if not change < 1e200:
             return False
@@ -222,7 +224,7 @@ def _iterate(m, table, t, h, state, replayed, counts, A, B):
 
 
 @njit(**OPTIONS)
-def _also(error, other, power):
+def _larger_error(error, other, power):
     """Larger of two errors, the second one raised to a power so that both scale alike with the step."""
     return larger(error, other**power) if other > 0.0 else error
 
@@ -234,7 +236,7 @@ def _error(m, table, h, state, A):
     The defect at the step's start is M d, where d is the polynomial's acceleration minus that of the motion; with S = M
     + h mu C + h^2 mu^2 K, S^-1 M d = d - S^-1 (h mu C + h^2 mu^2 K) d.
     """
-    apart()
+    no_inline()
     plan, w, c = m.plan, m.w, table.nodes
     n, of, step = plan[COORDINATES], plan[STAGE_A], h * table.real[0]
     w_0, w_1, w_2 = basis(c, 0.0, 0), basis(c, 0.0, 1), basis(c, 0.0, 2)
@@ -243,7 +245,7 @@ def _error(m, table, h, state, A):
     answer = plan[COLUMNS] + plan[KEPT] * n
     error = 1e-12
     for k in range(n):
-        error = _also(error, abs(m.du[k]) / w[plan[ACCEL_SCALE] + k], 5.0 / 3.0)
+        error = _larger_error(error, abs(m.du[k]) / w[plan[ACCEL_SCALE] + k], 5.0 / 3.0)
     resist(m, step, m.du, A, answer)
     if m.pivots[YIELDING]:
         step_rows.resist_defect(m, step, A, answer)
@@ -257,7 +259,7 @@ def _error(m, table, h, state, A):
         if plan[plan[FREED] + k] != 0:
             missed = abs(m.du[k] + A[answer + k])
             error = larger(error, 0.5 * h * h * missed / w[plan[SCALE] + k])
-            error = _also(error, h * missed / w[plan[RATE_SCALE] + k], 5.0 / 4.0)
+            error = _larger_error(error, h * missed / w[plan[RATE_SCALE] + k], 5.0 / 4.0)
     if m.pivots[YIELDING]:
         error = larger(error, 0.5 * h * h * step_rows.error_of_gaps(m, table, h, state, step, A, answer))
     return error
@@ -266,10 +268,10 @@ def _error(m, table, h, state, A):
 @njit(**OPTIONS)
 def _finish(m, table, h, end, state, A):
     """Advance ``state`` to the end of the step, works included; SINGULAR, or STRAYED on another branch."""
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     n, r, of = plan[COORDINATES], plan[REACTIONS], plan[STAGE_A]
-    step_rows.notice_jams(m, state[0], h * table.real[0], A)
+    step_rows.note_jams(m, state[0], h * table.real[0], A)
     b_1, b_2 = table.b_1, table.b_2
     w_0, w_1, w_2 = basis(table.nodes, 1.0, 0), basis(table.nodes, 1.0, 1), basis(table.nodes, 1.0, 2)
     for k in range(n):
@@ -281,23 +283,23 @@ def _finish(m, table, h, end, state, A):
     of = plan[STAGE_R]
     for k in range(r):
         m.multipliers[k] = w_0 * w[of + k] + w_1 * w[of + r + k] + w_2 * w[of + 2 * r + k]
-    step_rows.bent_at_end(m, table, h, state)
+    step_rows.finish_bristles(m, table, h, state)
     if not follow(m, end):
         return SINGULAR
-    if change_points.strays(m, table, h, state):
+    if change_points.leaves_branch(m, table, h, state):
         return STRAYED
     change_points.end(m, end, h)
     if not step_rows.restore_stuck(m, end, h, A):
         return SINGULAR
-    if not change_points.react_at_end(m, end) and table.ends[0] == 0.0 and not mend(m, end, A, 1):
+    if not change_points.react_at_end(m, end) and table.ends[0] == 0.0 and not correct_accelerations(m, end, A, 1):
         return SINGULAR
     for i in range(3):
         for k in range(plan[WORKS]):
             state[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
     copy(shifted(w, plan[STAGE_A]), shifted(w, plan[LAST_A]), 3 * n)
     copy(shifted(w, plan[STAGE_R]), shifted(w, plan[LAST_R]), 3 * r)
-    stage_residuals.settle(m)
-    give(m, end, state)
+    stage_residuals.prepare_next_step(m)
+    write_row(m, end, state)
     return DONE
 
 
@@ -306,22 +308,23 @@ def integrate(m, table, control, state, given, fixed, times, count, rows, counts
     """Fill rows 1, 2, ... of a table at ``times`` [s], starting from ``state``; a step ends at each of them.
 
     ``control``: next step; longest step; most steps to try; last row filled; ends stored; length of the last step or 0;
-    1 if the dependent coordinates are fixed; derivatives of loads and springs for the factors (see ``slopes.matter``).
-    ``state``: a row of the table with the state before row 1, updated: t, then coordinates, rates, accelerations,
-    reactions of cut joints and holds, states of contacts and holds, works. ``given``: ends [s] of the ``fixed`` steps
-    to take, including the ``times``; none for error control. Works are time integrals of powers (dissipation, loads,
-    drives, holds, contacts). ``counts``: accepted and rejected steps, Newton iterations, factorisations. ``ends``: the
-    first ``wide`` numbers of the rows at the ends of the steps taken, and after each change there. Returns an outcome.
+    1 if the dependent coordinates are fixed; derivatives of loads and springs for the factors (see
+    ``load_derivatives.needed_slopes``). ``state``: a row of the table with the state before row 1, updated: t, then
+    coordinates, rates, accelerations, reactions of cut joints and holds, states of contacts and holds, works.
+    ``given``: ends [s] of the ``fixed`` steps to take, including the ``times``; none for error control. Works are time
+    integrals of powers (dissipation, loads, drives, holds, contacts). ``counts``: accepted and rejected steps, Newton
+    iterations, factorisations. ``ends``: the first ``wide`` numbers of the rows at the ends of the steps taken, and
+    after each change there. Returns an outcome.
     """
-    A, B, size, touching = m.real, m.pair, row_size(m), event_location.searched(m)
+    A, B, size, touching = m.real, m.pair, row_size(m), event_location.has_events(m)
     trial, found = 0.0, event_location.PASSED
-    if touching and not event_location.back(m, state):
+    if touching and not event_location.restore(m, state):
         return SINGULAR
     wanted, row, length, replayed = control[0], 0, control[5], fixed > 0
     taken, tried, stored, status = 0, 0, 0, DONE
     m.pivots[BY_FORCES] = width(m) == 6
     while row + 1 < count:
-        if (tried >= control[2] and trial == 0.0) or (touching and active_set.full(m)):
+        if (tried >= control[2] and trial == 0.0) or (touching and active_set.is_record_full(m)):
             status = PAUSED
             break
         tried += 1
@@ -330,7 +333,7 @@ def integrate(m, table, control, state, given, fixed, times, count, rows, counts
             end = given[taken]
             h = end - t
         else:
-            longest = smaller(control[1], event_location.unturned(m)) if touching else control[1]
+            longest = smaller(control[1], event_location.turn_limit(m)) if touching else control[1]
             wanted = smaller(wanted, longest)
             if wanted < 1e-12 * (times[count - 1] - times[0]):
                 status = TOO_SMALL
@@ -340,7 +343,7 @@ def integrate(m, table, control, state, given, fixed, times, count, rows, counts
             h = left / math.ceil(left / wanted * (1.0 - 1e-9))
             end = times[row + 1] if h >= left * (1.0 - 1e-9) else t + h
             if touching:
-                trial_or_aim = trial if trial > 0.0 else event_location.aimed(m, h)
+                trial_or_aim = trial if trial > 0.0 else event_location.step_to_contact(m, h)
                 if trial_or_aim != h:
                     end = t + trial_or_aim
             h = end - t  # the actual length, which differs by rounding for short steps
@@ -374,7 +377,7 @@ def integrate(m, table, control, state, given, fixed, times, count, rows, counts
                 continue
             wanted = larger(wanted, h * growth) if growth >= 1.0 else h * growth
         if touching:
-            found = event_location.look(m, table, t, h, state, trial > 0.0)
+            found = event_location.find_change(m, table, t, h, state, trial > 0.0)
             trial = event_location.next_trial(m, found)
             counts[1] += found >= event_location.AT_ONCE
             if found == event_location.ASTRAY:
@@ -387,13 +390,13 @@ def integrate(m, table, control, state, given, fixed, times, count, rows, counts
             counts[1] += 1
             wanted, length, trial = 0.4 * h, 0.0, 0.0
             continue
-        solved = event_location.back(m, state) if at_once else finished == DONE
+        solved = event_location.restore(m, state) if at_once else finished == DONE
         if not at_once:
             counts[0] += 1
             copy(state, shifted(ends, wide * stored), wide)
             length, taken, stored = h, taken + 1, stored + 1
         if touching and solved:
-            wanted = event_location.go_on(m, table, h, state, A, wanted, found)
+            wanted = event_location.next_step(m, table, h, state, A, wanted, found)
             if found != event_location.PASSED:
                 copy(state, shifted(ends, wide * stored), wide)
                 length, stored = 0.0, stored + 1
@@ -403,10 +406,10 @@ def integrate(m, table, control, state, given, fixed, times, count, rows, counts
         if state[0] == times[row + 1]:
             row += 1
             copy(state, shifted(rows, row * size), size)
-        if touching and event_location.others_rest(m):
+        if touching and event_location.rest_changed(m):
             status = RESTED
             break
-        if control[6] == 0.0 and not crosses(m, state[0]) and ill_conditioned(m):
+        if control[6] == 0.0 and not is_near_change_point(m, state[0]) and ill_conditioned(m):
             status = TURNED
             break
     control[0], control[3], control[4], control[5] = wanted, row, stored, length

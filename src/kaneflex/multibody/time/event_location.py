@@ -16,23 +16,25 @@ from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_impacts
 from kaneflex.multibody.dynamics.algebra import angular_size
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
-from kaneflex.multibody.dynamics.loop_closure import follow, mend
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
+from kaneflex.multibody.dynamics.loop_closure import correct_accelerations, follow
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, smaller
 from kaneflex.multibody.model.layout import (
     AIM, ALLOWED, AT, BENDING, CLOSED, DUE, FLANK, FLOWING, FORCE, FOUND_AT, GAP, GAP_ACCEL, GAP_RATE, HIGH, LARGEST,
     LAW, LOW, MEMORY, MODE, NODES, OPEN, PRECISION, REACTIONS, RELEASED, RESISTING_MASS, RESTED, RIGID, SHIFT, SLIPPING,
     STAGE_R, STICKING, TARGET, TOUCH, TRIAL, TRIES, WHAT,
 )  # fmt: skip
-from kaneflex.multibody.time.state_record import take
+from kaneflex.multibody.time.state_record import read_row
 from kaneflex.multibody.time.step_curve import (
-    NEVER, between, dips, extrapolate_to_end, falls, gap_of, meet_all, shares, store_node,
+    NEVER, dips, evaluate, extrapolate_to_end, falls, fill_contacts, gap_of, node_shares, store_node,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.active_set import CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on
+from kaneflex.multibody.unilateral.active_set import (
+    CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, apply_changes, record_impulses,
+)  # fmt: skip
 from kaneflex.multibody.unilateral.impact import LEAST_HEIGHT, collide
-from kaneflex.multibody.unilateral.frictions import NOISE, exert, motion_size
-from kaneflex.multibody.unilateral.relative_rows import extent, near
+from kaneflex.multibody.unilateral.frictions import NOISE, apply_friction, motion_size
+from kaneflex.multibody.unilateral.relative_rows import row_scale, zero_gap
 from kaneflex.multibody.unilateral.rows import (
-    EPS, act_of, at, contacts, frictions, law_at, no_force, rests, rigid, row_at, switches,
+    EPS, act_of, at, contacts, frictions, is_at_rest, is_rigid, is_switch, law_at, row_at, zero_force,
 )  # fmt: skip
 
 PASSED, CHANGED, AT_ONCE, AGAIN, ASTRAY = range(5)
@@ -54,25 +56,25 @@ _SAME_SPEED = 1e-9
 
 @of_changes(False)
 @njit(**OPTIONS)
-def searched(m):
+def has_events(m):
     """True if steps are searched for changes."""
     return True
 
 
 @of_changes(None)
 @njit(**OPTIONS)
-def note(m, t, i):
+def monitor(m, t, i):
     """Store gap, rate, force and sign of the force of all contacts as those of the step's node i, and what is monitored
     of frictions."""
-    apart()
+    no_inline()
     w = m.w
     for n in range(contacts(m)):
         k = at(m, n)
         j = k + NODES + 4 * i
         w[j], w[j + 1], w[j + 2], w[j + 3] = gap_of(m, n), w[k + GAP_RATE], w[k + FORCE], 1.0
-        if switches(m, n):
+        if is_switch(m, n):
             w[k + LARGEST] = larger(w[k + LARGEST], abs(w[k + GAP]))
-        elif rigid(m, n):
+        elif is_rigid(m, n):
             w[j + 3] = w[k + FORCE]
         elif w[k + MODE] != OPEN:
             # at zero depth the force is zero, only its sign counts
@@ -85,10 +87,10 @@ def note(m, t, i):
 
 @of_changes(True)
 @njit(**OPTIONS)
-def back(m, state):
+def restore(m, state):
     """Restore the state of a row at the start of a step; False: a loop does not close."""
-    apart()
-    take(m, state)
+    no_inline()
+    read_row(m, state)
     closes = follow(m, state[0])
     begin(m, state[0])
     return closes
@@ -96,23 +98,23 @@ def back(m, state):
 
 @of_changes(0.0)
 @njit(**OPTIONS)
-def go_on(m, table, h, state, A, wanted, found):
-    """Begin the next step after one with this finding; returns its largest length [s], see ``contacts.change``."""
-    apart()
+def next_step(m, table, h, state, A, wanted, found):
+    """Begin the next step after one with this finding; returns its largest length [s], see ``apply_changes``."""
+    no_inline()
     if found != AT_ONCE:
-        pushed_on(m, table, h)
+        record_impulses(m, table, h)
     if found != PASSED:
         if m.plan[RIGID]:
             wanted = collide(m, state, A, wanted)
         if wanted > 0.0:
-            wanted = change(m, state, A, wanted)
+            wanted = apply_changes(m, state, A, wanted)
     begin(m, state[0])
     return wanted
 
 
 @of_contacts(False)
 @njit(**OPTIONS)
-def others_rest(m):
+def rest_changed(m):
     """True if contacts rest under Newton's law without being constraints of dependent coordinates, or vice versa."""
     return m.w[m.plan[TOUCH] + RESTED] != 0.0
 
@@ -124,31 +126,32 @@ def begin(m, t):
     Rigid sides that separate without speed, as when a force vanishes, are still within rounding: only a return beyond
     that closes them again. Sides pressed together at the start close at once.
     """
-    apart()
+    no_inline()
     w, shared = m.w, m.plan[TOUCH]
     w[shared + AIM] = math.inf
-    meet_all(m, t)
+    fill_contacts(m, t)
     for n in range(contacts(m)):
         k, rate = at(m, n), w[at(m, n) + GAP_RATE]
-        if rigid(m, n) and w[k + MODE] == OPEN:
-            zero, bent, fast, faster = near(m, n, t, rate), w[k + GAP_ACCEL], motion_size(m, n, 0), motion_size(m, n, 1)
+        if is_rigid(m, n) and w[k + MODE] == OPEN:
+            zero, bent = zero_gap(m, n, t, rate), w[k + GAP_ACCEL]
+            fast, faster = motion_size(m, n, 0), motion_size(m, n, 1)
             slow = larger(math.sqrt(2.0 * LEAST_HEIGHT * zero * faster), NOISE * fast)
-            pressed = bent < -_PRESSED * faster - NOISE * fast * fast / extent(m, n)
+            pressed = bent < -_PRESSED * faster - NOISE * fast * fast / row_scale(m, n)
             still = abs(rate) <= slow and w[k + GAP] <= zero
             w[k + SHIFT] = 8.0 * zero if still and not pressed else 0.0
             if still and pressed:
                 w[k + GAP_RATE] = 0.0  # which rounding must not let part first
-            aim = _meets(gap_of(m, n), rate, bent)
+            aim = _time_to_close(gap_of(m, n), rate, bent)
             aim += 3.0 * EPS * larger(abs(t), aim)
             # too short a time to leave a gap of rounding size
             if gap_of(m, n) > zero and 16.0 * EPS * abs(t) < aim < w[shared + AIM]:
                 w[shared + AIM] = aim
-    exert(m)
-    note(m, t, 0)
+    apply_friction(m)
+    monitor(m, t, 0)
 
 
 @njit(**OPTIONS)
-def _meets(gap, rate, bent):
+def _time_to_close(gap, rate, bent):
     """Time until a gap with this rate and acceleration closes [s]; infinity if never."""
     root = rate * rate - 2.0 * bent * gap
     if not gap > 0.0 or root < 0.0 or (bent >= 0.0 and rate >= 0.0):
@@ -158,19 +161,19 @@ def _meets(gap, rate, bent):
 
 @of_changes(0.0)
 @njit(**OPTIONS)
-def aimed(m, h):
+def step_to_contact(m, h):
     """Step [s] instead of h that ends at the predicted closing of rigid sides, to avoid repetitions."""
     return smaller(h, m.w[m.plan[TOUCH] + AIM])
 
 
 @njit(**OPTIONS)
-def forget(m):
+def end_search(m):
     """End the search for a change in a step."""
     m.w[m.plan[TOUCH] + HIGH] = m.w[m.plan[TOUCH] + LOW] = m.w[m.plan[TOUCH] + TRIES] = 0.0
 
 
 @njit(**OPTIONS)
-def again(m, low, trial, high):
+def repeat_step(m, low, trial, high):
     """Repeat a step with an end between two others: at the trial, or halfway after too many of these."""
     w, shared = m.w, m.plan[TOUCH]
     w[shared + TRIES] += 1.0
@@ -188,7 +191,7 @@ def next_trial(m, found):
 
 @of_contacts(1e300)
 @njit(**OPTIONS)
-def unturned(m):
+def turn_limit(m):
     """Longest step [s] in which no body with an open contact turns by more than 1 rad; without flanks."""
     w, fastest = m.w, 1e-300
     for n in range(contacts(m)):
@@ -201,22 +204,22 @@ def unturned(m):
 
 @of_changes(0)
 @njit(**OPTIONS)
-def look(m, table, t, h, state, searched):
+def find_change(m, table, t, h, state, searched):
     """Find the first change of a contact in a solved step; see PASSED. TRIAL is the step to take instead.
 
     The change is between LOW and HIGH if one was ``searched`` before.
     """
-    apart()
+    no_inline()
     plan, w, shared = m.plan, m.w, m.plan[TOUCH]
     last = 3 if table.ends[0] != 0.0 else 4
-    if not between(m, table, t, h, state, 1.0):
+    if not evaluate(m, table, t, h, state, 1.0):
         return ASTRAY
-    note(m, t + h, last)
+    monitor(m, t + h, last)
     extrapolate_to_end(m, table, last)
-    if plan[RIGID] and not _note_rests(m, t, h, last):
+    if plan[RIGID] and not _store_rest_forces(m, t, h, last):
         return ASTRAY
     if not searched:
-        forget(m)
+        end_search(m)
     first, which, how, at_end = NEVER, _NONE, 0, True
     for n in range(-frictions(m), contacts(m)):
         w[at(m, n) + DUE] = 0.0
@@ -235,11 +238,11 @@ def look(m, table, t, h, state, searched):
         which, how = int(w[shared + TARGET]), int(w[shared + FOUND_AT])
         if not _due(m, t, which, how, last):
             if high - h > finest:
-                return again(m, h, h + _ahead(m, table, h, which, how, last), high)
+                return repeat_step(m, h, h + _time_to_change(m, table, h, which, how, last), high)
             at_end = False
     elif not at_end and not (searched and h - w[shared + LOW] <= finest):
         w[shared + TARGET], w[shared + FOUND_AT] = which, how
-        return again(m, w[shared + LOW] if searched else 0.0, first * h, h)
+        return repeat_step(m, w[shared + LOW] if searched else 0.0, first * h, h)
     if not at_end and _is_short_of(m, t, which, how, last):
         return PASSED  # longer steps cross zero within their error
     w[at(m, which) + DUE] = how
@@ -248,19 +251,19 @@ def look(m, table, t, h, state, searched):
 
 @of_impacts(True)
 @njit(**OPTIONS)
-def _note_rests(m, t, h, last):
+def _store_rest_forces(m, t, h, last):
     """Store the forces of rigid sides at rest, in the stages and at the end; False: singular.
 
     Forces of stages are as accurate as displacements within the step: smaller tensions are ignored.
     """
-    apart()
+    no_inline()
     plan, w, found = m.plan, m.w, False
     for n in range(contacts(m)):
-        if rests(m, n):
-            if not found and not mend(m, t + h, m.real, 1):
+        if is_at_rest(m, n):
+            if not found and not correct_accelerations(m, t + h, m.real, 1):
                 return False
             k, row, found = at(m, n), row_at(m, n), True
-            unsure = 1e-6 * w[plan[TOUCH] + PRECISION] * extent(m, n) * w[k + RESISTING_MASS] / (h * h)
+            unsure = 1e-6 * w[plan[TOUCH] + PRECISION] * row_scale(m, n) * w[k + RESISTING_MASS] / (h * h)
             for i in range(1, 4):
                 j = k + NODES + 4 * i
                 w[j + 2] = w[plan[STAGE_R] + plan[REACTIONS] * (i - 1) + row]
@@ -277,12 +280,12 @@ def _first_change(m, table, t, h, state, n, last):
     zero, or its approach speed to that which replaces the first one; the force of a closed contact, the reserve of
     sticking friction, or the pull of a released contact ends.
     """
-    apart()
+    no_inline()
     w, mode = m.w, m.w[at(m, n) + MODE]
     if mode == FLOWING or mode == BENDING or (mode == OPEN and n < 0):
         return NEVER, 0
     for i in range(last):
-        x_a, x_b = shares(table, i, last)
+        x_a, x_b = node_shares(table, i, last)
         wide, a = x_b - x_a, at(m, n) + NODES + 4 * i
         b = a + 4
         p_0, m_0, p_1, m_1 = w[a], w[a + 1] * h, w[b], w[b + 1] * h
@@ -300,11 +303,11 @@ def _first_change(m, table, t, h, state, n, last):
                 return x, SHIFTS if n < 0 else CLOSES
             continue
         x, how = NEVER, 0
-        if n >= 0 and p_1 > 0.0 and m_1 > 0.0 and not rigid(m, n):
+        if n >= 0 and p_1 > 0.0 and m_1 > 0.0 and not is_rigid(m, n):
             x, how = x_a + wide * falls(-p_0, -m_0 * wide, -p_1, -m_1 * wide), OPENS
-        sign, none = -1.0 if mode == RELEASED else 1.0, no_force(m, n) if n >= 0 else w[b + 2]
+        sign, none = -1.0 if mode == RELEASED else 1.0, zero_force(m, n) if n >= 0 else w[b + 2]
         f_0, f_1 = sign * w[a + 3], sign * w[b + 3]
-        if f_1 < -none and (mode != CLOSED or m_1 > 0.0 or rigid(m, n)):
+        if f_1 < -none and (mode != CLOSED or m_1 > 0.0 or is_rigid(m, n)):
             share = x_a + wide * (f_0 / (f_0 - f_1) if f_0 > 0.0 else 0.0)
             if share < x:
                 x, how = share, SHIFTS if n < 0 else LETS_GO if mode == CLOSED else PUSHES
@@ -334,10 +337,10 @@ def _due(m, t, n, how, last):
     if how == SHIFTS:
         return abs(w[j]) <= w[j + 2] and (w[at(m, n) + MODE] == STICKING or w[j + 1] < 0.0)
     if how == CLOSES or how == OPENS:
-        return abs(w[j]) <= near(m, n, t, w[j + 1]) and (w[j + 1] < 0.0 if how == CLOSES else w[j + 1] > 0.0)
+        return abs(w[j]) <= zero_gap(m, n, t, w[j + 1]) and (w[j + 1] < 0.0 if how == CLOSES else w[j + 1] > 0.0)
     if how == HARDENS:
         return abs(_slower(m, n, w[j + 1])) <= _SAME_SPEED * w[at(m, n) + MEMORY]
-    return abs(w[j + 3]) <= no_force(m, n)
+    return abs(w[j + 3]) <= zero_force(m, n)
 
 
 @njit(**OPTIONS)
@@ -346,11 +349,11 @@ def _is_short_of(m, t, n, how, last):
     j = at(m, n) + NODES + 4 * last
     if how == SHIFTS:
         return m.w[j] > m.w[j + 2]
-    return how == CLOSES and m.w[j] > near(m, n, t, m.w[j + 1])
+    return how == CLOSES and m.w[j] > zero_gap(m, n, t, m.w[j + 1])
 
 
 @njit(**OPTIONS)
-def _ahead(m, table, h, n, how, last):
+def _time_to_change(m, table, h, n, how, last):
     """Time from a step's end to a row's change, by linear extrapolation [s]."""
     w, j = m.w, at(m, n) + NODES + 4 * last
     if how == CLOSES or how == OPENS or w[at(m, n) + MODE] == SLIPPING:

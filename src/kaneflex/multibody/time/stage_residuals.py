@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
-from kaneflex.multibody.compile.values import copy, inside, width
+from kaneflex.multibody.compile.types import OPTIONS, no_inline, shifted
+from kaneflex.multibody.compile.values import copy, inline, width
 from kaneflex.multibody.dynamics import load_derivatives, rotation_vectors, tree
 from kaneflex.multibody.dynamics.bushings import SIZE
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
@@ -42,12 +42,12 @@ from kaneflex.multibody.model.layout import (
 
 
 @njit(**OPTIONS)
-def keep(m, i, first):
+def store_residual(m, i, first):
     """Store the residual of stage i as forces, or as accelerations and reactions.
 
     False: singular, or a bushing or a ball has turned too far. ``first``: in the first iteration.
     """
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     n, kept = plan[COORDINATES], plan[KEPT]
     if width(m) == 6:
@@ -60,7 +60,7 @@ def keep(m, i, first):
         copy(m.h, shifted(w, plan[RESISTING] + n * i), n)
         return True
     A, pivots, answer = _mass(m, i), plan[MASS_PIVOTS] + plan[MASS_ROWS] * i, plan[COLUMNS] + kept * n
-    tree.use(m, i + 1)
+    tree.use_geometry(m, i + 1)
     if first:
         assemble(m)
         if not factorise_closed(m, 0.0, A, pivots):
@@ -70,21 +70,21 @@ def keep(m, i, first):
     solve_closed(m, A, pivots)
     copy(shifted(A, answer), shifted(w, plan[RESISTING] + n * i), n)
     copy(shifted(A, plan[REACTION]), shifted(w, plan[RESISTING_R] + kept * i), kept)
-    tree.use(m, 0)
+    tree.use_geometry(m, 0)
     return True
 
 
 @njit(**OPTIONS)
 def _mass(m, i):
     """Factors of the mass matrix of a stage."""
-    inside()
+    inline()
     return m.mass_0 if i == 0 else m.mass_1 if i == 1 else m.mass_2
 
 
 @njit(**OPTIONS)
 def _combine(w, into, of, count, sign, A, B, out):
     """Stages' numbers, ``count`` each, times a sign, as those of the two systems."""
-    apart()
+    no_inline()
     for k in range(count):
         r_0, r_1, r_2 = w[of + k], w[of + count + k], w[of + 2 * count + k]
         A[out + k] = sign * (into[0].real * r_0 + into[1].real * r_1 + into[2].real * r_2)
@@ -92,7 +92,7 @@ def _combine(w, into, of, count, sign, A, B, out):
 
 
 @njit(**OPTIONS)
-def ask(m, table, h, A, B):
+def fill_right_hand_sides(m, table, h, A, B):
     """Right-hand sides of the real and the complex system of the stages."""
     plan, n = m.plan, m.plan[COORDINATES]
     if width(m) == 3 or m.pivots[BY_FORCES]:
@@ -114,7 +114,7 @@ def resist_given(m, h, A):
 
 
 @njit(**OPTIONS)
-def answered(m, A):
+def complete_solution(m, A):
     """Complete the solution."""
     if width(m) == 3 or m.pivots[BY_FORCES]:
         return
@@ -127,7 +127,7 @@ def answered(m, A):
 
 
 @njit(**OPTIONS)
-def settle(m):
+def prepare_next_step(m):
     """Prepare the next step at the end of one."""
     if width(m) == 6:
         rotation_vectors.settle(m)

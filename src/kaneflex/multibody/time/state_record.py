@@ -6,7 +6,7 @@ from numba import njit
 
 from kaneflex.multibody.dynamics.arrays import BALLS
 from kaneflex.multibody.unilateral.rows import at, contacts, frictions
-from kaneflex.multibody.compile.types import OPTIONS, apart, shifted
+from kaneflex.multibody.compile.types import OPTIONS, no_inline, shifted
 from kaneflex.multibody.model.layout import COORDINATES, MEMORY, MODE, MODE_SIZE, REACTIONS, WORKS
 
 
@@ -20,19 +20,19 @@ def row_size(m):
 @njit(**OPTIONS)
 def works_at(m):
     """Place of the works in a row."""
-    return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + modes(m) + 4 * m.counts[BALLS]
+    return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + mode_count(m) + 4 * m.counts[BALLS]
 
 
 @njit(**OPTIONS)
-def modes(m):
+def mode_count(m):
     """Number of entries of a row for the modes of contacts and frictions."""
     return MODE_SIZE * (frictions(m) + contacts(m))
 
 
 @njit(**OPTIONS)
-def take(m, row):
+def read_row(m, row):
     """Set the motion from a row."""
-    apart()
+    no_inline()
     plan, n = m.plan, m.plan[COORDINATES]
     for i in range(n):
         m.y[i], m.u[i], m.du[i] = row[1 + i], row[1 + n + i], row[1 + 2 * n + i]
@@ -43,13 +43,13 @@ def take(m, row):
         k, i = at(m, n), MODE_SIZE * (n + frictions(m))
         m.w[k + MODE], m.w[k + MEMORY] = state[i], state[i + 1]
     for k in range(4 * m.counts[BALLS]):
-        m.q[m.balls[k // 4, 0] + k % 4] = state[modes(m) + k]
+        m.q[m.balls[k // 4, 0] + k % 4] = state[mode_count(m) + k]
 
 
 @njit(**OPTIONS)
-def give(m, t, row):
+def write_row(m, t, row):
     """Store the motion in a row, without works."""
-    apart()
+    no_inline()
     plan, n = m.plan, m.plan[COORDINATES]
     row[0] = t
     for i in range(n):
@@ -61,4 +61,4 @@ def give(m, t, row):
         k, i = at(m, n), MODE_SIZE * (n + frictions(m))
         state[i], state[i + 1] = m.w[k + MODE], m.w[k + MEMORY]
     for k in range(4 * m.counts[BALLS]):
-        state[modes(m) + k] = m.q[m.balls[k // 4, 0] + k % 4]
+        state[mode_count(m) + k] = m.q[m.balls[k // 4, 0] + k % 4]

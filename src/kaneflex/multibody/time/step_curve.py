@@ -14,16 +14,16 @@ from numba import njit
 from kaneflex.multibody.compile.stand_ins import of_holds
 from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.loop_closure import follow
-from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger
+from kaneflex.multibody.compile.types import OPTIONS, basis, larger, no_inline
 from kaneflex.multibody.model.layout import (
     ACROSS, BENDING, COORDINATES, FORCE, GAP, GAP_RATE, LIMIT, MODE, NODES, NORMAL, OPEN, SHIFT, SLIP, SLIPPING,
     SLIP_RATE, STAGE_A, STICKING, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.frictions import CLOSE, no_force, no_speed, row_of
-from kaneflex.multibody.unilateral.relative_rows import meet, near
+from kaneflex.multibody.unilateral.frictions import CLOSE, fill_friction, zero_friction, zero_speed
+from kaneflex.multibody.unilateral.relative_rows import fill_contact, zero_gap
 from kaneflex.multibody.unilateral.rows import (
-    across, act_of, at, contacts, frictions, law_at, magnitude, rigid, switches, way,
+    across, act_of, at, contacts, frictions, is_rigid, is_switch, law_at, magnitude, slip_sign,
 )  # fmt: skip
 
 NEVER = 2.0
@@ -33,28 +33,28 @@ NEVER = 2.0
 def gap_of(m, c):
     """Gap of a contact [m], beyond rounding if it has separated from a rigid side without speed."""
     k = at(m, c)
-    return m.w[k + GAP] + m.w[k + SHIFT] if rigid(m, c) and m.w[k + MODE] == OPEN else m.w[k + GAP]
+    return m.w[k + GAP] + m.w[k + SHIFT] if is_rigid(m, c) and m.w[k + MODE] == OPEN else m.w[k + GAP]
 
 
 @njit(**OPTIONS)
-def meet_all(m, t):
+def fill_contacts(m, t):
     """Evaluate all contacts and switches of laws at the current position."""
-    if switches(m, contacts(m) - 1):
+    if is_switch(m, contacts(m) - 1):
         load_sizes(m, t)
     for n in range(contacts(m)):
-        meet(m, n)
+        fill_contact(m, n)
 
 
 @njit(**OPTIONS)
-def shares(table, i, last):
+def node_shares(table, i, last):
     """Shares of a step at its nodes i and i + 1, the ``last`` of which is its end."""
     return table.nodes[i - 1] if i > 0 else 0.0, table.nodes[i] if i + 1 < last else 1.0
 
 
 @njit(**OPTIONS)
-def between(m, table, t, h, state, x):
+def evaluate(m, table, t, h, state, x):
     """Evaluate the step's polynomial after a share x of the step; False: a loop doesn't close."""
-    apart()
+    no_inline()
     plan, w, c, n = m.plan, m.w, table.nodes, m.plan[COORDINATES]
     a_1, of = table.a_1, plan[STAGE_A]
     for k in range(n):
@@ -73,9 +73,9 @@ def between(m, table, t, h, state, x):
         m.y[k], m.u[k], m.du[k] = state[1 + k] + h * y, v_0 + h * v, a
     if not follow(m, t + x * h):
         return False
-    meet_all(m, t + x * h)
+    fill_contacts(m, t + x * h)
     for row in range(-frictions(m), 0):
-        row_of(m, row)
+        fill_friction(m, row)
     return True
 
 
@@ -83,27 +83,27 @@ def between(m, table, t, h, state, x):
 @njit(**OPTIONS)
 def store_node(m, t, i):
     """Store what is monitored of all frictions, with its rate and tolerance, at node i of the step."""
-    apart()
+    no_inline()
     w = m.w
     for n in range(-frictions(m), 0):
         k = at(m, n)
         j, mode = k + NODES + 4 * i, w[k + MODE]
         if mode == BENDING:
-            w[j], w[j + 1] = w[k + SLIP], lugre.resisted(w, law_at(m, n), w[k + NORMAL], w[k + SLIP])
+            w[j], w[j + 1] = w[k + SLIP], lugre.sliding_resistance(w, law_at(m, n), w[k + NORMAL], w[k + SLIP])
         elif mode == STICKING:
             bears = magnitude(m, n, FORCE) if m.acts[act_of(m, n), WHAT] != ACROSS else -1.0  # with its first row
             w[j], w[j + 1] = w[k + LIMIT] - bears, w[k + FORCE]
-            w[j + 2], w[j + 3] = CLOSE * w[k + LIMIT] + no_force(m, n), w[j]
+            w[j + 2], w[j + 3] = CLOSE * w[k + LIMIT] + zero_friction(m, n), w[j]
         elif mode == SLIPPING:
-            w[j], w[j + 1] = slowing(m, n)
-            w[j + 2] = no_speed(m, n, t)
+            w[j], w[j + 1] = slip_speed(m, n)
+            w[j + 2] = zero_speed(m, n, t)
 
 
 @of_holds(None)
 @njit(**OPTIONS)
 def extrapolate_to_end(m, table, last):
     """Extrapolate the forces of sticking frictions from the stages to the end of a step that isn't a stage."""
-    apart()
+    no_inline()
     w = m.w
     for n in range(-frictions(m) if table.ends[0] == 0.0 else 0, 0):
         j, total = at(m, n) + NODES, 0.0
@@ -114,23 +114,23 @@ def extrapolate_to_end(m, table, last):
 
 
 @njit(**OPTIONS)
-def slowing(m, n):
+def slip_speed(m, n):
     """Speed of slipping friction and its rate; with two rows less that of the second: turns by 45 deg end a step."""
     w, k, beside = m.w, at(m, n), across(m, n, SLIP)
     turns = across(m, n, SLIP_RATE) * (1.0 if beside >= 0.0 else -1.0)
-    return way(m, n) * w[k + SLIP] - abs(beside), way(m, n) * w[k + SLIP_RATE] - turns
+    return slip_sign(m, n) * w[k + SLIP] - abs(beside), slip_sign(m, n) * w[k + SLIP_RATE] - turns
 
 
 @njit(**OPTIONS)
 def dips(m, table, t, h, state, c, i, last):
     """Share of a step between its nodes i and i + 1 at which an open contact's gap dips below zero; else NEVER."""
-    apart()
+    no_inline()
     w, k = m.w, at(m, c)
-    x_a, x_b = shares(table, i, last)
+    x_a, x_b = node_shares(table, i, last)
     j = k + NODES + 4 * i
     p_0, m_0, p_1, m_1 = w[j], w[j + 1] * h, w[j + 4], w[j + 5] * h
     begin_x, g_0, r_0 = x_a, p_0, m_0
-    tiny = near(m, c, 0.0, 0.0) if c >= 0 else w[j + 6]
+    tiny = zero_gap(m, c, 0.0, 0.0) if c >= 0 else w[j + 6]
     for _ in range(20):
         wide = x_b - x_a
         s = _lowest(p_0, m_0 * wide, p_1, m_1 * wide)
@@ -140,11 +140,11 @@ def dips(m, table, t, h, state, c, i, last):
         if least > 0.1 * (larger(p_0, p_1) - least) + tiny:
             return NEVER
         x = x_a + s * wide
-        if not between(m, table, t, h, state, x):
+        if not evaluate(m, table, t, h, state, x):
             return NEVER
         gap, rate = gap_of(m, c), w[k + GAP_RATE] * h
         if c < 0:
-            gap, rate = slowing(m, c)
+            gap, rate = slip_speed(m, c)
             gap, rate = gap + tiny, rate * h
         if gap <= 0.0:
             wide = x - begin_x

@@ -21,21 +21,21 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts
 from kaneflex.multibody.dynamics.forces import load_sizes
-from kaneflex.multibody.dynamics.loop_closure import mend
+from kaneflex.multibody.dynamics.loop_closure import correct_accelerations
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed
 from kaneflex.multibody.dynamics.tree import assemble
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, smaller
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, smaller
 from kaneflex.multibody.model.layout import (
     ABOVE, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGAN_Z, BELOW, CLOSED, COORDINATES, DUE, FLIGHT, GAP, GAP_RATE, HELD,
     IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, LARGEST, LAST_CHANGE, LOST_BEFORE, MEMORY, MODE, MOST_IMPACTS, NODES, OPEN,
     PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE, STAYS, TOUCH, VIRTUAL, WORKS,
     YIELDING,
 )  # fmt: skip
-from kaneflex.multibody.time.state_record import give, works_at
+from kaneflex.multibody.time.state_record import works_at, write_row
 from kaneflex.multibody.unilateral.decision import decide
-from kaneflex.multibody.unilateral.relative_rows import extent, meet, near, place_of
+from kaneflex.multibody.unilateral.relative_rows import fill_contact, place_of, row_scale, zero_gap
 from kaneflex.multibody.unilateral.rows import (
-    EPS, ROUNDING, act_of, argument, at, contacts, depth_of, law_at, product, rigid, switches,
+    EPS, ROUNDING, act_of, argument_at, at, contacts, impact_depth, is_rigid, is_switch, law_at, product,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.step_rows import along, effective_mass
 
@@ -55,9 +55,9 @@ _AT_REST = 1e-8
 
 
 @njit(**OPTIONS)
-def pushed_on(m, table, h):
+def record_impulses(m, table, h):
     """Add a step to the impulses of closed contacts, and to their peaks, by its parabola if inside."""
-    apart()
+    no_inline()
     w, x = m.w, table.nodes
     for n in range(contacts(m)):
         k = at(m, n)
@@ -74,19 +74,19 @@ def pushed_on(m, table, h):
             if 0.0 <= s <= 1.0:
                 top = larger(top, f_0 + (s - x[0]) * (first + (s - x[1]) * second))
         w[k + PEAK] = larger(w[k + PEAK], top)
-        deepest = 0.0 if rigid(m, n) else -smaller(w[j], smaller(w[j + 4], w[j + 8]))
+        deepest = 0.0 if is_rigid(m, n) else -smaller(w[j], smaller(w[j + 4], w[j + 8]))
         w[k + ALLOWED] = larger(w[k + ALLOWED], w[m.plan[TOUCH] + PRECISION] * deepest)
 
 
 @of_contacts(False)
 @njit(**OPTIONS)
-def full(m):
+def is_record_full(m):
     """True if no more impacts can be stored."""
     return m.w[m.plan[IMPACTS]] >= MOST_IMPACTS
 
 
 @njit(**OPTIONS)
-def _without_end(m, t):
+def _is_endless(m, t):
     """True if too many changes occur at one instant, including this one."""
     w, shared = m.w, m.plan[TOUCH]
     w[shared + IN_A_ROW] = w[shared + IN_A_ROW] + 1.0 if t - w[shared + LAST_CHANGE] <= 64.0 * EPS * abs(t) else 0.0
@@ -101,32 +101,32 @@ def _also_due(m, t):
 
     Rigid sides have changed already.
     """
-    apart()
+    no_inline()
     w, closing, still, changing = m.w, 0, True, False
     for n in range(contacts(m)):
-        if rigid(m, n):
+        if is_rigid(m, n):
             continue
-        k = meet(m, n)
+        k = fill_contact(m, n)
         gap, rate, is_open = w[k + GAP], w[k + GAP_RATE], w[k + MODE] == OPEN
-        zero, still = near(m, n, t, rate), still and is_open
+        zero, still = zero_gap(m, n, t, rate), still and is_open
         if w[k + DUE] == 0.0 and is_open and gap <= zero and rate < 0.0:
             w[k + DUE] = CLOSES
         elif w[k + DUE] == 0.0 and not is_open and gap >= -zero and rate > 0.0:
             w[k + DUE] = OPENS
-        closing += w[k + DUE] == CLOSES and not switches(m, n)
+        closing += w[k + DUE] == CLOSES and not is_switch(m, n)
         changing = changing or w[k + DUE] != 0.0
     return closing, still, changing
 
 
 @njit(**OPTIONS)
-def change(m, state, A, wanted):
+def apply_changes(m, state, A, wanted):
     """Apply all changes due at this state; returns the next step [s].
 
     0 for an endless sequence at one instant, negative at a singular state. Accelerations are those afterwards.
     """
-    apart()
+    no_inline()
     plan, w, shared, t = m.plan, m.w, m.plan[TOUCH], state[0]
-    if _without_end(m, t):
+    if _is_endless(m, t):
         return 0.0
     if _DOUBTED < w[shared + IN_A_ROW] < _LEFT_ALONE:
         wanted *= 0.5 ** (w[shared + IN_A_ROW] - _DOUBTED)
@@ -140,10 +140,10 @@ def change(m, state, A, wanted):
             return -1.0
     still, sides = True, 0
     for n in range(contacts(m)):
-        if switches(m, n):
+        if is_switch(m, n):
             sides += w[at(m, n) + DUE] != 0.0
-        elif not rigid(m, n):
-            wanted = smaller(wanted, _change_of(m, n, t, A, state[works_at(m) + plan[WORKS] - contacts(m) + n]))
+        elif not is_rigid(m, n):
+            wanted = smaller(wanted, _change_contact(m, n, t, A, state[works_at(m) + plan[WORKS] - contacts(m) + n]))
             still = still and w[at(m, n) + MODE] == OPEN
     if still:
         wanted = larger(wanted, w[shared + FLIGHT])
@@ -151,59 +151,59 @@ def change(m, state, A, wanted):
         wanted = smaller(wanted, _pass_zero(m, t, A))
         if wanted <= 0.0:
             return wanted
-    if changing and not mend(m, t, A, 2):
+    if changing and not correct_accelerations(m, t, A, 2):
         return -1.0
     if w[shared + RESTED] == 0.0:  # else after the coordinates are chosen again
         unsettled = decide(m, t, A)
         if unsettled:
             return -1.0 * unsettled
-    give(m, t, state)
+    write_row(m, t, state)
     return wanted
 
 
 @njit(**OPTIONS)
-def _change_of(m, n, t, A, lost):
+def _change_contact(m, n, t, A, lost):
     """Apply the change of a contact; returns the longest next step [s]."""
     w, k = m.w, at(m, n)
     how, w[k + DUE] = w[k + DUE], 0.0
     if how == CLOSES:
-        return _FIRST_STEP * _close(m, n, t, A, lost)
+        return _FIRST_STEP * _close_contact(m, n, t, A, lost)
     if how == LETS_GO:
         w[k + MODE] = RELEASED
     elif how == PUSHES:
         w[k + MODE] = CLOSED
     elif how == OPENS:
-        part(m, n, t, lost)
+        open_contact(m, n, t, lost)
     elif how == HARDENS:
         w[k + MEMORY] = -w[k + GAP_RATE]
-        depth = depth_of(w, law_at(m, n), w[k + RESISTING_MASS], w[k + MEMORY])
+        depth = impact_depth(w, law_at(m, n), w[k + RESISTING_MASS], w[k + MEMORY])
         w[k + ALLOWED] = larger(w[k + ALLOWED], w[m.plan[TOUCH] + PRECISION] * depth)
         return _FIRST_STEP * depth / w[k + MEMORY]
     return 1e300
 
 
 @njit(**OPTIONS)
-def _close(m, n, t, A, lost):
+def _close_contact(m, n, t, A, lost):
     """Close a contact; returns the time [s] in which it reaches its depth at its approach speed."""
-    apart()
+    no_inline()
     plan, w, size = m.plan, m.w, m.plan[COORDINATES]
     k, own, g = at(m, n), law_at(m, n), along(m, n)
     pressing = larger(-product(w, g, m.du, size), 0.0)
     mass = effective_mass(m, n, A)
     stiffness, exponent = w[own + 3], w[own + 4]
     least = (mass * pressing / stiffness) ** (1.0 / exponent)
-    least = larger(larger(least, _LEAST * extent(m, n)), -w[k + GAP])
+    least = larger(larger(least, _LEAST * row_scale(m, n)), -w[k + GAP])
     approach = abs(smaller(w[k + GAP_RATE], 0.0))
     speed = larger(approach, math.sqrt(2.0 * touching.stored(w, own, least) / mass))
-    depth = smaller(depth_of(w, own, mass, speed), extent(m, n))
+    depth = smaller(impact_depth(w, own, mass, speed), row_scale(m, n))
     w[k + MODE], w[k + MEMORY] = CLOSED, speed
     w[k + RESISTING_MASS], w[k + ALLOWED] = mass, w[plan[TOUCH] + PRECISION] * depth
-    begin(m, n, t, approach, lost - touching.stored(w, own, smaller(w[k + GAP], 0.0)))
+    begin_impact(m, n, t, approach, lost - touching.stored(w, own, smaller(w[k + GAP], 0.0)))
     return depth / speed
 
 
 @njit(**OPTIONS)
-def begin(m, n, t, approach, lost):
+def begin_impact(m, n, t, approach, lost):
     """Begin the record of an impact; ``lost``: energy [J] that the contact has lost before."""
     w, k = m.w, at(m, n)
     w[k + SINCE], w[k + APPROACH], w[k + LOST_BEFORE] = t, approach, lost
@@ -212,7 +212,7 @@ def begin(m, n, t, approach, lost):
 
 
 @njit(**OPTIONS)
-def part(m, n, t, lost):
+def open_contact(m, n, t, lost):
     """Open a contact, and record its impact."""
     w, k, count = m.w, at(m, n), int(m.w[m.plan[IMPACTS]])
     w[k + MODE] = OPEN
@@ -225,31 +225,31 @@ def part(m, n, t, lost):
 
 @of_changes(True)
 @njit(**OPTIONS)
-def stand_closed(m, t, A):
+def choose_contact_modes(m, t, A):
     """Contact modes of a single state: closed if the sides overlap, else open; False at a singular state.
 
     Those by Newton's law keep their mode. The approach speed of others that close is the one that leads to the present
     depth. Discontinuous laws take the side of their present or imminent argument.
     """
-    apart()
+    no_inline()
     w, changing = m.w, False
     if not _take_sides(m, t, A):
         return False
     for n in range(contacts(m)):
-        k = meet(m, n)
-        deep = w[k + GAP] < -near(m, n, t, 0.0)
-        w[k + DUE] = not switches(m, n) and not rigid(m, n) and deep != (w[k + MODE] != OPEN)
+        k = fill_contact(m, n)
+        deep = w[k + GAP] < -zero_gap(m, n, t, 0.0)
+        w[k + DUE] = not is_switch(m, n) and not is_rigid(m, n) and deep != (w[k + MODE] != OPEN)
         changing = changing or w[k + DUE] != 0.0
     if not changing:
         return True
     for n in range(contacts(m)):
         k = at(m, n)
         if w[k + DUE] != 0.0 and w[k + MODE] == OPEN:
-            _close(m, n, t, A, 0.0)
+            _close_contact(m, n, t, A, 0.0)
         elif w[k + DUE] != 0.0:
             w[k + MODE] = OPEN
         w[k + DUE] = 0.0
-    return mend(m, t, A, 2)
+    return correct_accelerations(m, t, A, 2)
 
 
 @njit(**OPTIONS)
@@ -259,13 +259,13 @@ def _pass_zero(m, t, A):
     The integration continues on the other side of zero. If both sides lead back, it stays at zero if no other rate
     moves it: holding against a load is friction, not a law.
     """
-    apart()
+    no_inline()
     w, back = m.w, 0
     for turn in range(3):
         for n in range(contacts(m)):
-            if not switches(m, n) or w[at(m, n) + DUE] == 0.0:
+            if not is_switch(m, n) or w[at(m, n) + DUE] == 0.0:
                 continue
-            k, j = at(m, n) if turn == 0 else meet(m, n), argument(m, n)
+            k, j = at(m, n) if turn == 0 else fill_contact(m, n), argument_at(m, n)
             if turn == 0:
                 w[k + PEAK] = w[k + GAP_RATE]
                 if w[k + MEMORY] == STAYS:
@@ -283,7 +283,7 @@ def _pass_zero(m, t, A):
                 if turn == 2 and abs(w[k + GAP_RATE]) > _AT_REST * w[k + PEAK]:
                     w[m.plan[TOUCH] + HELD] = 1.0 + m.acts[act_of(m, n), ROW_AT]
                     return 0.0
-        if (turn == 0 or (turn == 1 and back > 0)) and not mend(m, t, A, 2):
+        if (turn == 0 or (turn == 1 and back > 0)) and not correct_accelerations(m, t, A, 2):
             return -1.0
     return 1e300
 
@@ -295,16 +295,16 @@ def choose_sides(m, t):
 
     Arguments may depend on other switches, so the result is checked again.
     """
-    apart()
+    no_inline()
     w, turn, changed = m.w, 0, True
     while changed and turn <= contacts(m):
         turn, changed = turn + 1, False
         load_sizes(m, t)
         for n in range(contacts(m)):
-            k, j = at(m, n), argument(m, n)
-            if switches(m, n):
+            k, j = at(m, n), argument_at(m, n)
+            if is_switch(m, n):
                 side = STAYS
-                if abs(m.sizes[j]) > larger(near(m, n, t, m.sizes[j + 1]), w[k + ROOM]):
+                if abs(m.sizes[j]) > larger(zero_gap(m, n, t, m.sizes[j + 1]), w[k + ROOM]):
                     side = ABOVE if m.sizes[j] > 0.0 else BELOW
                 changed = changed or side != w[k + MEMORY]
                 w[k + MEMORY] = side
@@ -314,16 +314,16 @@ def choose_sides(m, t):
 @njit(**OPTIONS)
 def _take_sides(m, t, A):
     """Set laws by the sides of their switches; False at a singular state."""
-    apart()
+    no_inline()
     w, moving = m.w, False
     if not choose_sides(m, t):
         return True
-    if not mend(m, t, A, 2):
+    if not correct_accelerations(m, t, A, 2):
         return False
     for n in range(contacts(m)):
         w[at(m, n) + DUE] = 0.0
-        if switches(m, n) and w[at(m, n) + MEMORY] == STAYS:
-            k = meet(m, n)
+        if is_switch(m, n) and w[at(m, n) + MEMORY] == STAYS:
+            k = fill_contact(m, n)
             w[k + DUE] = w[k + GAP_RATE] != 0.0
             moving = moving or w[k + DUE] != 0.0
     held = w[m.plan[TOUCH] + HELD]

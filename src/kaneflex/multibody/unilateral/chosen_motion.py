@@ -9,10 +9,10 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_impacts, of_modes
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted
 from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics.courses import courses
-from kaneflex.multibody.dynamics.loop_closure import factorise_now, follow, mend, rows_of_frictions
+from kaneflex.multibody.dynamics.loop_closure import correct_accelerations, factorise_now, follow, rows_of_frictions
 from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.model.codes import FORCES, NOTHING
 from kaneflex.multibody.model.layout import (
@@ -21,8 +21,10 @@ from kaneflex.multibody.model.layout import (
     STICKING, UNSURE, WORKS, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.factors import prescribe_now, reaction_of
-from kaneflex.multibody.unilateral.frictions import exert, no_force
-from kaneflex.multibody.unilateral.rows import at, contacts, frictions, is_second, magnitude, row_at, second, strikes
+from kaneflex.multibody.unilateral.frictions import apply_friction, zero_friction
+from kaneflex.multibody.unilateral.rows import (
+    at, contacts, frictions, in_impact, is_second, magnitude, row_at, second_row,
+)  # fmt: skip
 
 _SETTLED = 40
 """Iterations for reactions and their friction to converge."""
@@ -35,26 +37,26 @@ _REFINED = 5
 
 @of_modes(0)
 @njit(**OPTIONS)
-def settle(m, t, A):
+def solve_choice(m, t, A):
     """Iterate impulses or accelerations and reactions of a choice, with friction by reactions; 0, or 1 at a singular
     state, 2 without convergence."""
-    apart()
+    no_inline()
     w = m.w
     for n in range(-frictions(m), contacts(m) if m.pivots[DECIDES] != NOTHING else -frictions(m)):
         m.multipliers[row_at(m, n)] = 0.0  # else redundant rows keep forces that other choices have left
     for turn in range(_SETTLED):
-        if not (_strike(m, t, A) if strikes(m) else mend(m, t, A, 1)):
+        if not (_speeds_after(m, t, A) if in_impact(m) else correct_accelerations(m, t, A, 1)):
             return 1
         if m.pivots[DECIDES] != NOTHING:
             rows_of_frictions(m)
         for n in range(-frictions(m), 0):
-            w[at(m, n) + BEFORE] = _bears(m, n)
-        exert(m)
+            w[at(m, n) + BEFORE] = _force_size(m, n)
+        apply_friction(m)
         moved = 0.0
         for n in range(-frictions(m), 0):
             k = at(m, n)
-            allowed = 1e-12 * (w[k + LIMIT] + abs(w[k + FORCE])) + nothing(m, n)
-            moved = larger(moved, abs(_bears(m, n) - w[k + BEFORE]) / allowed)
+            allowed = 1e-12 * (w[k + LIMIT] + abs(w[k + FORCE])) + negligible_force(m, n)
+            moved = larger(moved, abs(_force_size(m, n) - w[k + BEFORE]) / allowed)
         if turn > 0 and not moved > (1.0 if 2 * turn < _SETTLED else UNEVEN):
             return 0
     return 2
@@ -62,10 +64,10 @@ def settle(m, t, A):
 
 @of_impacts(True)
 @njit(**OPTIONS)
-def _strike(m, t, A):
+def _speeds_after(m, t, A):
     """Speeds after impulses by a choice of modes, from those at LAST_A: impulses are at NOW, works of prescribed drives
     at POWER; False: singular."""
-    apart()
+    no_inline()
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
     answer = plan[COLUMNS] + plan[KEPT] * n
     copy(shifted(w, plan[LAST_A]), m.u, n)
@@ -92,7 +94,7 @@ def _strike(m, t, A):
 @njit(**OPTIONS)
 def _add_impulses(m, A, answer):
     """Add the response to impulses to all rates, and the impulses to the reactions; works of prescribed drives."""
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     drives = plan[POWER] + 1 + plan[SPRINGS] - plan[LOADS]
     for course in range(courses(m)):
@@ -112,18 +114,18 @@ def _add_impulses(m, A, answer):
 
 
 @njit(**OPTIONS)
-def nothing(m, n):
+def negligible_force(m, n):
     """Force, or impulse, of a friction that counts as zero."""
     w, k, decides = m.w, at(m, n), m.pivots[DECIDES]
-    if strikes(m):
+    if in_impact(m):
         return w[k + ROUNDED] * w[k + RESISTING_MASS] + 1e-300
     noise = w[k + UNSURE] * w[k + RESISTING_MASS] if decides == FORCES and w[k + MAY] != 0.0 else 0.0
-    return no_force(m, n) + noise
+    return zero_friction(m, n) + noise
 
 
 @njit(**OPTIONS)
-def _bears(m, n):
+def _force_size(m, n):
     """Force of a friction, of one with two rows their size: where the mechanism can't move one of them is rounding."""
     if is_second(m, n):
         return 0.0
-    return magnitude(m, n, FORCE) if second(m, n) else m.w[at(m, n) + FORCE]
+    return magnitude(m, n, FORCE) if second_row(m, n) else m.w[at(m, n) + FORCE]

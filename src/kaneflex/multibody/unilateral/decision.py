@@ -16,7 +16,7 @@ import math
 from numba import njit
 
 from kaneflex.multibody.compile.stand_ins import of_holds, of_impacts, of_modes
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics.loop_closure import factorise_now, rows_of_frictions
 from kaneflex.multibody.dynamics.loop_factors import solve_closed
@@ -26,14 +26,14 @@ from kaneflex.multibody.model.layout import (
     KEPT, LIMIT, MAY, MODE, NODES, OPEN, PIVOTS, REACTION, RESISTING_MASS, ROUNDED, SLIP, SLIPPING, SLIP_RATE, STICKING,
     TOUCH, UNSURE, VIRTUAL, YIELDING,
 )  # fmt: skip
-from kaneflex.multibody.unilateral.chosen_motion import UNEVEN, nothing, settle
-from kaneflex.multibody.unilateral.factors import prescribe_now, row_in, turns
+from kaneflex.multibody.unilateral.chosen_motion import UNEVEN, negligible_force, solve_choice
+from kaneflex.multibody.unilateral.factors import is_across_slip, prescribe_now, row_in
 from kaneflex.multibody.unilateral.frictions import (
-    CLOSE, WRONG, no_force, no_rate, no_speed, opens, set_mode, slip, stick,
+    CLOSE, WRONG, open_with_contact, set_mode, slip, stick, zero_acceleration, zero_friction, zero_speed,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import (
-    LAW_AT, LUGRE, VISCOUS_LAW, across, at, contacts, frictions, idle, is_second, law_at, magnitude, row_at,
-    second, strikes, way,
+    LAW_AT, LUGRE, VISCOUS_LAW, across, at, contacts, frictions, in_impact, is_idle, is_second, law_at, magnitude,
+    row_at, second_row, slip_sign,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.step_rows import correct_drift
 
@@ -80,7 +80,7 @@ def decide(m, t, A):
 @njit(**OPTIONS)
 def begin(m, t, A):
     """Modes of frictions with a speed, and the first ones of those without; False: singular."""
-    apart()
+    no_inline()
     for _ in range(2):
         # A friction that sticks may stop others, as in a mechanism with one degree of freedom.
         rows_of_frictions(m)
@@ -95,7 +95,7 @@ def begin(m, t, A):
 @njit(**OPTIONS)
 def _is_free(m, n):
     """True if the mode of a row is to be found."""
-    if n >= 0 or strikes(m):
+    if n >= 0 or in_impact(m):
         return m.pivots[DECIDES] != NOTHING and m.w[at(m, n) + MAY] != 0.0 and not is_second(m, n)
     return m.w[at(m, n) + DUE] < 0.0
 
@@ -104,12 +104,12 @@ def _is_free(m, n):
 @njit(**OPTIONS)
 def search(m, t, A):
     """Find the modes of all rows that are free; returns as :func:`decide`."""
-    apart()
+    no_inline()
     free, choices = 0, 1
     for n in range(-frictions(m), contacts(m)):
         if _is_free(m, n):
             free, choices = free + 1, choices * (3 if n < 0 else 2) if choices <= _MOST_CHOICES else choices
-    if free and not strikes(m) and _share(m, t, A) == 1:
+    if free and not in_impact(m) and _share_load(m, t, A) == 1:
         return 1
     patience = (_DIRECTIONS if width(m) == 6 else 4) * (free + 1)
     for turn in range(2 * patience):
@@ -128,7 +128,7 @@ def search(m, t, A):
         for n in range(-frictions(m), contacts(m)):
             if _is_free(m, n):
                 left = _choose(m, n, left)
-        settled = settle(m, t, A)
+        settled = solve_choice(m, t, A)
         if settled == 1:
             return 1
         if settled == 0 and _least_consistent(m, t, True) == _NONE:
@@ -152,12 +152,12 @@ def _choose(m, n, left):
 def _change(m, t, A, only):
     """Change the modes of all inconsistent rows together, or of ``only`` one, or turn slips in tangent planes; False:
     singular."""
-    apart()
-    w, rate, turning = m.w, SLIP_RATE - strikes(m), False
+    no_inline()
+    w, rate, turning = m.w, SLIP_RATE - in_impact(m), False
     for n in range(-frictions(m), contacts(m)):
         k = at(m, n)
-        w[k + BEFORE] = n == only or (only == _NONE and _off(m, n, t, False) > 1.0)
-        if w[k + BEFORE] != 0.0 and n < 0 and second(m, n) and w[k + MODE] == SLIPPING and w[k + rate] > 0.0:
+        w[k + BEFORE] = n == only or (only == _NONE and _inconsistency(m, n, t, False) > 1.0)
+        if w[k + BEFORE] != 0.0 and n < 0 and second_row(m, n) and w[k + MODE] == SLIPPING and w[k + rate] > 0.0:
             w[k + BEFORE], turning = 0.0, True
     if turning and not _turn_all(m, A):
         return False
@@ -175,9 +175,9 @@ def _change(m, t, A, only):
 
 
 @njit(**OPTIONS)
-def _turns(m, n):
+def _is_turning(m, n):
     """True for slip in a tangent plane whose direction is to be found."""
-    return second(m, n) != 0 and m.w[at(m, n) + MODE] == SLIPPING and _is_free(m, n)
+    return second_row(m, n) != 0 and m.w[at(m, n) + MODE] == SLIPPING and _is_free(m, n)
 
 
 @njit(**OPTIONS)
@@ -187,11 +187,11 @@ def _turn_all(m, A):
     One after the other they would converge slowly where they slip at a small share of the speeds before. For this step
     the row across a slip is viscous: its force, a share of the limit, is that of its speed, a share of the slip's.
     """
-    apart()
+    no_inline()
     w, answer = m.w, m.plan[COLUMNS] + m.plan[COORDINATES] * m.plan[KEPT]
     for n in range(-frictions(m), 0):
-        if _turns(m, n) and w[at(m, n) + LIMIT] > nothing(m, n):
-            w[at(m, second(m, n)) + MODE] = STICKING
+        if _is_turning(m, n) and w[at(m, n) + LIMIT] > negligible_force(m, n):
+            w[at(m, second_row(m, n)) + MODE] = STICKING
     if not factorise_now(m, A):
         return False
     for i in range(m.plan[COORDINATES]):
@@ -199,10 +199,10 @@ def _turn_all(m, A):
     prescribe_now(m, A)
     solve_closed(m, A, m.plan[PIVOTS])
     for r in range(m.plan[KEPT] + m.plan[VIRTUAL], m.plan[KEPT] + m.pivots[YIELDING]):
-        if turns(m, row_in(m, r)):
+        if is_across_slip(m, row_in(m, r)):
             w[at(m, row_in(m, r)) + FORCE] = A[m.plan[REACTION] + r]
     for n in range(-frictions(m), 0):
-        if _turns(m, n):
+        if _is_turning(m, n):
             slip(m, n, -w[at(m, n) + FORCE], -across(m, n, FORCE))
     return True
 
@@ -211,15 +211,15 @@ def _turn_all(m, A):
 def _first_mode(m, n, t):
     """First choice for a friction; 1 if it has no speed and other choices are possible: DUE is below zero then."""
     w, k, law = m.w, at(m, n), m.w[law_at(m, n) + LAW_AT]
-    shifts, before, v, none = w[k + DUE] > 0.0, w[k + MODE], magnitude(m, n, SLIP), no_speed(m, n, t)
+    shifts, before, v, none = w[k + DUE] > 0.0, w[k + MODE], magnitude(m, n, SLIP), zero_speed(m, n, t)
     if w[k + DUE] < 0.0:
         return 1
-    if is_second(m, n) or opens(m, n):
+    if is_second(m, n) or open_with_contact(m, n):
         return 0
     if law >= VISCOUS_LAW:
         set_mode(m, n, BENDING if law == LUGRE else FLOWING)
         return 0
-    if before != STICKING and v > (none if not shifts else TURNED * none if second(m, n) else math.inf):
+    if before != STICKING and v > (none if not shifts else TURNED * none if second_row(m, n) else math.inf):
         w[k + DUE] = 0.0
         slip(m, n, w[k + SLIP], across(m, n, SLIP))
         return 0
@@ -234,13 +234,13 @@ def _first_mode(m, n, t):
 
 @of_holds(0)
 @njit(**OPTIONS)
-def _share(m, t, A):
+def _share_load(m, t, A):
     """Distribute loads again among sticking frictions, and let those slip that are due, with equally loaded ones.
 
     Among several frictions of one body, as its feet, one at its limit needn't slip if others can bear more. Returns as
-    :func:`settle`.
+    :func:`solve_choice`.
     """
-    apart()
+    no_inline()
     w, level = m.w, 0.0
     for n in range(-frictions(m), 0):
         if w[at(m, n) + MODE] == STICKING:
@@ -257,7 +257,7 @@ def _share(m, t, A):
                 level = larger(level, share)
             elif lets or (level > 1.0 - _SHORT and share >= level - _ALIKE):
                 force = w[k + FORCE]
-                if abs(force) <= no_force(m, n):
+                if abs(force) <= zero_friction(m, n):
                     force = w[k + NODES + 5]  # at the first node of the step that exceeds the limit
                 slip(m, n, -force, -across(m, n, FORCE))
     return settled
@@ -269,10 +269,10 @@ def _relieve(m, t, A):
     redundant.
 
     The forces beyond a share of their limits are reflected at it, then those that hold the mechanism are found again.
-    Returns as :func:`settle`.
+    Returns as :func:`solve_choice`.
     """
-    apart()
-    before, settled = 0.0, settle(m, t, A)
+    no_inline()
+    before, settled = 0.0, solve_choice(m, t, A)
     for turn in range(_REFLECTED if width(m) == 6 else 0):
         worst = 0.0
         for n in range(-frictions(m), 0):
@@ -281,11 +281,11 @@ def _relieve(m, t, A):
             break
         for n in range(-frictions(m), 0):
             if _load(m, n) > _EASED:
-                share, other = 2.0 * _EASED / _load(m, n) - 1.0, second(m, n)
+                share, other = 2.0 * _EASED / _load(m, n) - 1.0, second_row(m, n)
                 m.multipliers[row_at(m, n)] *= share
                 if other:
                     m.multipliers[row_at(m, other)] *= share
-        before, settled = worst, settle(m, t, A)
+        before, settled = worst, solve_choice(m, t, A)
     return settled
 
 
@@ -295,17 +295,17 @@ def _load(m, n):
     k = at(m, n)
     if m.w[k + MODE] != STICKING or m.w[k + DUE] >= 0.0:
         return 0.0
-    return magnitude(m, n, FORCE) / (m.w[k + LIMIT] + no_force(m, n))
+    return magnitude(m, n, FORCE) / (m.w[k + LIMIT] + zero_friction(m, n))
 
 
 @njit(**OPTIONS)
 def _least_consistent(m, t, first):
     """Row with the largest inconsistency of its mode among the free ones, or the ``first`` one; _NONE if all are
     consistent."""
-    apart()
+    no_inline()
     worst, found = 1.0, _NONE
     for n in range(-frictions(m), contacts(m)):
-        off = _off(m, n, t, first)
+        off = _inconsistency(m, n, t, first)
         if off > worst:
             if first:
                 return n
@@ -314,21 +314,21 @@ def _least_consistent(m, t, first):
 
 
 @njit(**OPTIONS)
-def _off(m, n, t, late):
+def _inconsistency(m, n, t, late):
     """Inconsistency of a row's mode, in that which is rounding; 0 of modes that are known or without effect."""
-    if not _is_free(m, n) or (n < 0 and idle(m, n)):
+    if not _is_free(m, n) or (n < 0 and is_idle(m, n)):
         return 0.0
-    return _contact_off(m, n) if n >= 0 else _friction_off(m, n, t, late)
+    return _contact_inconsistency(m, n) if n >= 0 else _friction_inconsistency(m, n, t, late)
 
 
 @of_impacts(0.0)
 @njit(**OPTIONS)
-def _contact_off(m, n):
+def _contact_inconsistency(m, n):
     """Pull of a closed rigid contact, or approach of an open one, in those that are rounding."""
     w, k = m.w, at(m, n)
-    size = w[k + ROUNDED] if strikes(m) else w[k + UNSURE]
-    aim = w[k + BOUNCE] if strikes(m) else 0.0
-    closer = (aim - w[k + GAP_ACCEL - strikes(m)]) / (10.0 * size + 1e-300)
+    size = w[k + ROUNDED] if in_impact(m) else w[k + UNSURE]
+    aim = w[k + BOUNCE] if in_impact(m) else 0.0
+    closer = (aim - w[k + GAP_ACCEL - in_impact(m)]) / (10.0 * size + 1e-300)
     if w[k + MODE] == OPEN:
         return closer
     return larger(-w[k + FORCE] / (10.0 * size * w[k + RESISTING_MASS] + 1e-300), _ASTRAY * abs(closer))
@@ -336,18 +336,18 @@ def _contact_off(m, n):
 
 @of_holds(0.0)
 @njit(**OPTIONS)
-def _friction_off(m, n, t, late):
+def _friction_inconsistency(m, n, t, late):
     """Force of a sticking friction beyond its limit, or motion of a slipping one against its direction, in those that
     are rounding."""
-    w, k, rate = m.w, at(m, n), SLIP_RATE - strikes(m)
+    w, k, rate = m.w, at(m, n), SLIP_RATE - in_impact(m)
     unsure = _SHORT / WRONG if w[k + DUE] == LET_GO else 1.0  # as its load
-    none = w[k + ROUNDED] + no_speed(m, n, t) if strikes(m) else unsure * no_rate(m, n)
+    none = w[k + ROUNDED] + zero_speed(m, n, t) if in_impact(m) else unsure * zero_acceleration(m, n)
     none += w[k + UNSURE] if m.pivots[DECIDES] == FORCES else 0.0
     if w[k + MODE] != STICKING:
-        if second(m, n):
+        if second_row(m, n):
             aside = larger(abs(across(m, n, rate)) - _ALIGNED * abs(w[k + rate]), -w[k + rate])
-            negligible = magnitude(m, n, rate) <= UNEVEN * none or w[k + LIMIT] <= nothing(m, n)
+            negligible = magnitude(m, n, rate) <= UNEVEN * none or w[k + LIMIT] <= negligible_force(m, n)
             return 0.0 if negligible else aside / (UNEVEN * none if late else none)
-        return (abs(across(m, n, rate)) - way(m, n) * w[k + rate]) / none
-    off = (magnitude(m, n, FORCE) - w[k + LIMIT]) / (CLOSE * w[k + LIMIT] + nothing(m, n))
+        return (abs(across(m, n, rate)) - slip_sign(m, n) * w[k + rate]) / none
+    off = (magnitude(m, n, FORCE) - w[k + LIMIT]) / (CLOSE * w[k + LIMIT] + negligible_force(m, n))
     return larger(off, _ASTRAY * magnitude(m, n, rate) / none if m.pivots[DECIDES] != NOTHING else 0.0)

@@ -12,7 +12,7 @@ from numba import njit
 
 from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_holds, of_modes
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, smaller
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted, smaller
 from kaneflex.multibody.compile.values import copy, width
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.dynamics.algebra import dot
@@ -25,11 +25,13 @@ from kaneflex.multibody.model.layout import (
     SLIP_RATE, STICKING, STIFF, TOUCHING, TURN, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.frictions import borne, dry, joint_wrench, normal_force, row_of, sliding_size
+from kaneflex.multibody.unilateral.frictions import (
+    bearing_forces, dry, fill_friction, joint_wrench, normal_force, sliding_size,
+)  # fmt: skip
 from kaneflex.multibody.unilateral.relative_rows import fill_row
 from kaneflex.multibody.unilateral.rows import (
-    ARM, END_AT, OF_AT, VISCOUS_AT, act_of, at, contacts, frictions, idle, is_second, law_at, magnitude, on_contact,
-    rigid, row_at, strikes, way,
+    ARM, END_AT, OF_AT, VISCOUS_AT, act_of, at, contact_of, contacts, frictions, in_impact, is_idle, is_rigid,
+    is_second, law_at, magnitude, row_at, slip_sign,
 )  # fmt: skip
 
 _SOFT = 1e-9
@@ -42,7 +44,7 @@ those of speeds, divided by it."""
 
 
 @njit(**OPTIONS)
-def virtual(m, r):
+def virtual_coordinate(m, r):
     """Coordinate whose virtual inertia a row of the factors removes; -1 for rows of cuts, contacts and frictions."""
     plan = m.plan
     return m.pivots[plan[TOUCHING] + r - plan[KEPT]] if plan[KEPT] <= r < plan[KEPT] + plan[VIRTUAL] else -1
@@ -60,7 +62,7 @@ def reaction_of(m, r):
     if r < m.plan[KEPT]:
         return m.plan[m.plan[ROW_OF] + r]
     n = row_in(m, r)
-    return row_at(m, n) if virtual(m, r) < 0 and (n < 0 or rigid(m, n)) else -1
+    return row_at(m, n) if virtual_coordinate(m, r) < 0 and (n < 0 or is_rigid(m, n)) else -1
 
 
 @njit(**OPTIONS)
@@ -81,16 +83,16 @@ def use_rows_now(m):
 @njit(**OPTIONS)
 def _rows_now(m):
     """Add sticking friction and such contacts to the rows; returns their number."""
-    apart()
+    no_inline()
     found = 0
     for n in range(-frictions(m), contacts(m)):
         w, k = m.w, at(m, n)
-        if left_out(m, n) if n >= 0 else (w[k + MODE] == STICKING or w[k + MODE] == BENDING) and not idle(m, n):
+        if left_out(m, n) if n >= 0 else (w[k + MODE] == STICKING or w[k + MODE] == BENDING) and not is_idle(m, n):
             m.pivots[m.plan[TOUCHING] + m.plan[VIRTUAL] + found] = n
             found += 1
             w[k + VISCOUS] = 0.0
         if n < 0 and w[k + MODE] == BENDING:
-            lugre.know(w, k, law_at(m, n), normal_force(m, n), w[k + SLIP], w[k + MEMORY], 0.0)
+            lugre.linearise(w, k, law_at(m, n), normal_force(m, n), w[k + SLIP], w[k + MEMORY], 0.0)
     return found
 
 
@@ -99,18 +101,18 @@ def _rows_now(m):
 def rows_of_step(m, first, h, state):
     """Add frictions to the rows of a step's factors, halfway through the step from ``state``, after ``first`` others;
     returns their number."""
-    apart()
+    no_inline()
     plan, w, found = m.plan, m.w, 0
     copy(shifted(state, 1 + 3 * plan[COORDINATES]), m.multipliers, plan[REACTIONS])
     for n in range(-frictions(m), 0):
-        if on_contact(m, n) >= 0:
-            fill_row(m, on_contact(m, n))
-        row_of(m, n)
+        if contact_of(m, n) >= 0:
+            fill_row(m, contact_of(m, n))
+        fill_friction(m, n)
     for n in range(-frictions(m), 0):
         k, j = at(m, n), law_at(m, n)
         mode, w[k + VISCOUS] = w[k + MODE], 0.0
         if mode == BENDING:
-            lugre.know(w, k, j, normal_force(m, n), w[k + SLIP], state[memory_place(m, n)], 0.5 * h)
+            lugre.linearise(w, k, j, normal_force(m, n), w[k + SLIP], state[memory_place(m, n)], 0.5 * h)
         elif mode == FLOWING:
             w[k + VISCOUS] = w[j + VISCOUS_AT] + _turning(m, n)
         elif mode == SLIPPING:
@@ -145,7 +147,7 @@ def largest_limit(m, rows, A):
 
 
 @njit(**OPTIONS)
-def turns(m, n):
+def is_across_slip(m, n):
     """True for the row across the slip of a friction in a tangent plane that slips."""
     return n < 0 and is_second(m, n) and m.w[at(m, int(m.w[law_at(m, n) + 1])) + MODE] == SLIPPING
 
@@ -159,16 +161,16 @@ def compliance(m, n, h, r, size, A, largest):
     their limits. In a tangent plane it is the same in all directions.
     """
     k, own, diagonal = at(m, n), A[m.plan[SCHUR] + (size + 1) * r], m.plan[SCHUR]
-    if n >= 0 and rigid(m, n):
+    if n >= 0 and is_rigid(m, n):
         mass = m.w[k + RESISTING_MASS]  # zero where states are read that were computed elsewhere
         return _DISTRIBUTED * (1.0 / mass if mass > 0.0 else abs(own)) + 0.0 * h
     if n >= 0 or m.w[k + VISCOUS] > 0.0:
         return 1.0 / (h * (m.w[k + VISCOUS] + h * m.w[k + STIFF]))
-    if turns(m, n):
+    if is_across_slip(m, n):
         A[m.plan[WANTED] + frictions(m) - 1 - n] = 0.0 * h
         along = int(m.w[law_at(m, n) + 1])
-        return magnitude(m, along, SLIP_RATE - strikes(m)) / m.w[at(m, along) + LIMIT] + 0.0 * h
-    for q in range(m.plan[KEPT] + m.plan[VIRTUAL], size if width(m) == 6 and on_contact(m, n) >= 0 else 0):
+        return magnitude(m, along, SLIP_RATE - in_impact(m)) / m.w[at(m, along) + LIMIT] + 0.0 * h
+    for q in range(m.plan[KEPT] + m.plan[VIRTUAL], size if width(m) == 6 and contact_of(m, n) >= 0 else 0):
         if row_in(m, q) == int(m.w[law_at(m, n) + 1]):
             own += A[diagonal + (size + 1) * q]
     share = math.sqrt(largest / (m.w[k + LIMIT] * m.w[k + LIMIT] * abs(own) + 1e-300))
@@ -186,7 +188,7 @@ def leave_out_idle(m, A, size, pivots):
     A second solution for the displacements of this compliance contains nearly the same idle forces, and of others a
     small share only, which iterative refinement restores.
     """
-    apart()
+    no_inline()
     plan, x, stuck = m.plan, m.plan[REACTION], False
     y = x + size
     for r in range(size):
@@ -202,7 +204,7 @@ def leave_out_idle(m, A, size, pivots):
 
 @of_holds(False)
 @njit(**OPTIONS)
-def by_force(m, n, r, size, h, A):
+def use_force_law(m, n, r, size, h, A):
     """Replace a bristle's row of the factors by its force law; True if the row is one.
 
     dF + h slope (row) - (normal force) = missing force, where a contact's row is by its compliance: in uniform sliding
@@ -211,19 +213,19 @@ def by_force(m, n, r, size, h, A):
     plan, w, k = m.plan, m.w, at(m, n)
     if n >= 0 or w[k + MODE] != BENDING:
         return False
-    firm = lugre.firmness(w, k, law_at(m, n), h)
+    firm = lugre.step_damping(w, k, law_at(m, n), h)
     d, row = h * (w[k + VISCOUS] + firm * w[k + BY_SPEED]), plan[SCHUR] + size * r
     A[plan[WANTED] + frictions(m) - 1 - n] = d
     for q in range(size):
         A[row + q] = d * A[row + q]
-        if presses(m, n, q):
+        if is_normal_force(m, n, q):
             A[row + q] += firm * w[k + BY_PRESS] * normal_force_by_reaction(m, n, q)
     A[row + r] += 1.0
     return True
 
 
 @njit(**OPTIONS)
-def missing(m, A, r, opening):
+def right_hand_side(m, A, r, opening):
     """Right-hand side of a row of the factors: the acceleration prescribed to a sticking row less its opening; for
     bristles, whose row is a force, the missing force less the weighted opening."""
     n = row_in(m, r)
@@ -249,34 +251,34 @@ def prescribe_nothing(m, A):
 def prescribe_now(m, A):
     """Prescribe zero acceleration to sticking friction and closed rigid contacts at the current state, of impulses a
     change of speed; to bristles their force law."""
-    w, rate = m.w, GAP_ACCEL - strikes(m)
+    w, rate = m.w, GAP_ACCEL - in_impact(m)
     for n in range(-frictions(m), contacts(m) if m.pivots[DECIDES] != NOTHING else 0):
         k = at(m, n)
         if n >= 0:
-            A[m.plan[WANTED] + 2 * frictions(m) + n] = strikes(m) * w[k + BOUNCE] - w[k + rate]
+            A[m.plan[WANTED] + 2 * frictions(m) + n] = in_impact(m) * w[k + BOUNCE] - w[k + rate]
             continue
         A[m.plan[WANTED] - 1 - n] = -w[k + rate] if w[k + MODE] == STICKING else 0.0
         if w[k + MODE] == BENDING:
-            A[m.plan[WANTED] - 1 - n] = lugre.by_now(w, k, law_at(m, n)) - w[k + FORCE]
+            A[m.plan[WANTED] - 1 - n] = lugre.force_now(w, k, law_at(m, n)) - w[k + FORCE]
 
 
 @of_holds(0)
 @njit(**OPTIONS)
-def slips_by(m, r):
+def friction_by_reaction(m, r):
     """Slipping friction whose force depends on the reaction of a factors' row; 0: none."""
-    apart()
+    no_inline()
     for n in range(-frictions(m), 0):
-        if m.w[at(m, n) + MODE] == SLIPPING and presses(m, n, r):
+        if m.w[at(m, n) + MODE] == SLIPPING and is_normal_force(m, n, r):
             return n
     return 0
 
 
 @njit(**OPTIONS)
-def presses(m, n, r):
+def is_normal_force(m, n, r):
     """True if the reaction of a factors' row is the normal force of a friction, or a part of it."""
     plan, of = m.plan, int(m.w[law_at(m, n) + OF_AT])
     if r >= plan[KEPT]:
-        return virtual(m, r) < 0 and act_of(m, row_in(m, r)) == of
+        return virtual_coordinate(m, r) < 0 and act_of(m, row_in(m, r)) == of
     row = plan[plan[ROW_OF] + r]
     return plan[plan[CUT_OF] + row] == of or m.acts[of, ROW_AT] <= row < int(m.w[law_at(m, n) + END_AT])
 
@@ -287,19 +289,19 @@ def force_by_reaction(m, n, r):
     """Derivative of a slipping friction's force with respect to the reaction of a factors' row."""
     v = magnitude(m, n, SLIP)
     by_normal = dry(m, n, 1.0, v) - dry(m, n, 0.0, v)
-    return -way(m, n) * by_normal * normal_force_by_reaction(m, n, r)
+    return -slip_sign(m, n) * by_normal * normal_force_by_reaction(m, n, r)
 
 
 @njit(**OPTIONS)
 def normal_force_by_reaction(m, n, r):
     """Derivative of a friction's normal force with respect to the reaction of a factors' row."""
-    apart()
+    no_inline()
     plan, what = m.plan, m.acts[act_of(m, n), WHAT]
     if r >= plan[KEPT] or what >= ALONG:
         return 1.0
     row = plan[plan[ROW_OF] + r]
-    one, two = borne(m, n, joint_wrench(m, n))
-    one_by, two_by = borne(m, n, row_wrench(m, row, 1))
+    one, two = bearing_forces(m, n, joint_wrench(m, n))
+    one_by, two_by = bearing_forces(m, n, row_wrench(m, row, 1))
     total = dot(one, one_by) / larger(math.sqrt(dot(one, one)), 1e-300)
     total += dot(two, two_by) / larger(math.sqrt(dot(two, two)), 1e-300)
     return m.w[law_at(m, n) + ARM] * total if what == TURN else total

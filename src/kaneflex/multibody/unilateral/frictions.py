@@ -9,7 +9,7 @@ from numba import njit
 
 from kaneflex.generated import friction as laws
 from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline
 from kaneflex.multibody.compile.values import row_length, width
 from kaneflex.multibody.dynamics.algebra import (
     absolute, angular_size, axpy, cross, dot, first, linear_size, plus, scaled, zero_like,
@@ -17,16 +17,17 @@ from kaneflex.multibody.dynamics.algebra import (
 from kaneflex.multibody.dynamics.kinematics import section_motion
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.layout import (
-    ACROSS, ALONG, AT, BENDING, BODIES, DUE, EXTENT, FIRMEST, FLANK, FLOWING, FORCE, GAP, GAP_RATE, LIMIT,
-    MEMORY, MODE, NORMAL, ON, OPEN, PLACE, RESULTS, ROW_AT, SLIP, SLIPPING, SLIP_RATE, STICKING, STORED, TOUCH, TURN,
-    WHAT,
+    ACROSS, ALONG, AT, BENDING, BODIES, DUE, EXTENT, FIRMEST, FLANK, FLOWING, FORCE, GAP, GAP_RATE, LIMIT, MEMORY, MODE,
+    NORMAL, ON, OPEN, PLACE, RESULTS, ROW_AT, SLIP, SLIPPING, SLIP_RATE, STICKING, STORED, TOUCH, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.model.tree_layout import BODY
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.relative_rows import extent, fill_row, fixed, force, reference_axis, turning
+from kaneflex.multibody.unilateral.relative_rows import (
+    as_force, fill_row, fixed_wrench, reference_axis, row_scale, turn_rate,
+)  # fmt: skip
 from kaneflex.multibody.unilateral.rows import (
-    ARM, END_AT, EPS, MU_AT, OF_AT, SLOWEST, VISCOUS_AT, across, act_of, at, contacts, frictions, idle, law_at,
-    magnitude, on_contact, row_at, second, strikes, way,
+    ARM, END_AT, EPS, MU_AT, OF_AT, SLOWEST, VISCOUS_AT, across, act_of, at, contact_of, contacts, frictions, in_impact,
+    is_idle, law_at, magnitude, row_at, second_row, slip_sign,
 )  # fmt: skip
 
 
@@ -39,9 +40,9 @@ WRONG = 1e-9
 
 
 @njit(**OPTIONS)
-def row_of(m, n):
+def fill_friction(m, n):
     """Row of a friction at the current state, after that of its contact; returns the place of its numbers."""
-    apart()
+    no_inline()
     w, k, row, rows = m.w, at(m, n), row_length(m) * row_at(m, n), m.rows
     fill_row(m, n)
     w[k + PLACE], w[k + SLIP], w[k + SLIP_RATE] = rows[row], rows[row + 1], rows[row + 2]
@@ -59,35 +60,35 @@ def size_of(m, n, rate):
 
 
 @njit(**OPTIONS)
-def no_speed(m, n, t):
+def zero_speed(m, n, t):
     """Speed of a friction that counts as zero."""
     w, k = m.w, at(m, n)
-    return SLOWEST * extent(m, n) + 8.0 * EPS * (size_of(m, n, 0) + abs(t * w[k + SLIP_RATE])) + 1e-300
+    return SLOWEST * row_scale(m, n) + 8.0 * EPS * (size_of(m, n, 0) + abs(t * w[k + SLIP_RATE])) + 1e-300
 
 
 @njit(**OPTIONS)
-def _weight(m):
+def _gravity_size(m):
     """Sum of the sizes of gravity's components."""
     g = absolute(m.gravity[0])
     return g[0] + g[1] + g[2]
 
 
 @njit(**OPTIONS)
-def no_force(m, n):
+def zero_friction(m, n):
     """Force, or moment, of a friction that counts as zero: rounding error of the force that moves all bodies."""
-    apart()
+    no_inline()
     plan, w, total = m.plan, m.w, 0.0
     for b in range(plan[BODIES]):
         node = m.frames[b, 0]
         if m.nodes[node, BODY] >= 0:
-            total += m.block[m.nodes[node, BODY]] * (_weight(m) + linear_size(m.rate[node]))
+            total += m.block[m.nodes[node, BODY]] * (_gravity_size(m) + linear_size(m.rate[node]))
     return 1e-14 * total * (w[plan[TOUCH] + EXTENT] if m.acts[act_of(m, n), WHAT] == TURN else 1.0) + 1e-300
 
 
 @njit(**OPTIONS)
-def no_rate(m, n):
+def zero_acceleration(m, n):
     """Acceleration of a friction that counts as zero."""
-    return WRONG * (size_of(m, n, 1) + _weight(m)) + 1e-300
+    return WRONG * (size_of(m, n, 1) + _gravity_size(m)) + 1e-300
 
 
 @njit(**OPTIONS)
@@ -106,8 +107,8 @@ def motion_size(m, n, rate):
 @njit(**OPTIONS)
 def stick(m, n):
     """Let a friction stick where it is."""
-    if second(m, n):
-        _face(m, n, 1.0, 0.0)
+    if second_row(m, n):
+        _set_direction(m, n, 1.0, 0.0)
     else:
         m.w[at(m, n) + MEMORY] = m.w[at(m, n) + PLACE]
     set_mode(m, n, STICKING)
@@ -116,22 +117,22 @@ def stick(m, n):
 @njit(**OPTIONS)
 def slip(m, n, direction, beside):
     """Let a friction slip, by the sign of the direction; in a tangent plane along both components."""
-    _face(m, n, direction, beside)
+    _set_direction(m, n, direction, beside)
     set_mode(m, n, SLIPPING)
 
 
 @njit(**OPTIONS)
 def set_mode(m, n, mode):
     """Set the mode of a friction, also of its second row."""
-    m.w[at(m, n) + MODE], other = mode, second(m, n)
+    m.w[at(m, n) + MODE], other = mode, second_row(m, n)
     if other:
         m.w[at(m, other) + MODE] = FLOWING if mode == SLIPPING else mode
 
 
 @njit(**OPTIONS)
-def opens(m, n):
+def open_with_contact(m, n):
     """True if a friction belongs to an open contact, which exerts no force; its bristles relax."""
-    w, k, of = m.w, at(m, n), on_contact(m, n)
+    w, k, of = m.w, at(m, n), contact_of(m, n)
     if of < 0 or w[at(m, of) + MODE] != OPEN:
         return False
     set_mode(m, n, OPEN)
@@ -140,23 +141,23 @@ def opens(m, n):
 
 
 @njit(**OPTIONS)
-def _face(m, n, direction, beside):
+def _set_direction(m, n, direction, beside):
     """Store a direction of slip: its sign, or turn both rows to it."""
-    other = second(m, n)
+    other = second_row(m, n)
     if width(m) == 3 or other == 0:
         m.w[at(m, n) + MEMORY] = 1.0 if direction >= 0.0 else -1.0
         return
     e, beside_e = first(row_wrench(m, row_at(m, n), 1)), first(row_wrench(m, row_at(m, other), 1))
     e = axpy(beside, beside_e, scaled(direction if direction != 0.0 or beside != 0.0 else 1.0, e))
-    normal, axis = first(row_wrench(m, row_at(m, on_contact(m, n)), 1)), int(m.w[law_at(m, n)])
+    normal, axis = first(row_wrench(m, row_at(m, contact_of(m, n)), 1)), int(m.w[law_at(m, n)])
     k, least = 0, 2.0
     for i in range(3):  # the one that is farthest from the normal
         if abs(dot(m.axes[axis + i], normal)) < least - 1e-3:
             k, least = i, abs(dot(m.axes[axis + i], normal))
     flat = reference_axis(m, n, normal, k)
     m.w[at(m, other) + MEMORY], m.w[at(m, n) + MEMORY] = k, math.atan2(dot(e, cross(normal, flat)), dot(e, flat))
-    row_of(m, other)
-    row_of(m, n)
+    fill_friction(m, other)
+    fill_friction(m, n)
 
 
 @njit(**OPTIONS)
@@ -164,21 +165,21 @@ def normal_force(m, n):
     """Normal force of a friction [N or N m]: its contact's force, or that of the joint's reactions in NOW."""
     w, what, arm = m.w, m.acts[act_of(m, n), WHAT], m.w[law_at(m, n) + ARM]
     if what >= ALONG:
-        return larger(w[at(m, on_contact(m, n)) + FORCE], 0.0)
-    one, two = borne(m, n, joint_wrench(m, n))
+        return larger(w[at(m, contact_of(m, n)) + FORCE], 0.0)
+    one, two = bearing_forces(m, n, joint_wrench(m, n))
     total = math.sqrt(dot(one, one)) + math.sqrt(dot(two, two))
     return arm * total if what == TURN else total
 
 
 @njit(**OPTIONS)
-def borne(m, n, wrench):
+def bearing_forces(m, n, wrench):
     """Parts of a joint's wrench at both ends of a guide's block, across its direction; of a pin the force in two equal
     parts."""
-    along = fixed(m, n, 0.0, 0)
-    half = force(m, scaled(0.5, axpy(-dot(along, wrench), along, wrench)))
+    along = fixed_wrench(m, n, 0.0, 0)
+    half = as_force(m, scaled(0.5, axpy(-dot(along, wrench), along, wrench)))
     if m.acts[act_of(m, n), WHAT] == TURN:
         return half, half
-    apart_ = scaled(0.5 * m.w[law_at(m, n) + ARM], turning(wrench, along))  # moment x direction
+    apart_ = scaled(0.5 * m.w[law_at(m, n) + ARM], turn_rate(wrench, along))  # moment x direction
     return plus(half, apart_), axpy(-1.0, apart_, half)
 
 
@@ -204,31 +205,31 @@ def joint_wrench(m, n):
 @njit(**OPTIONS)
 def dry(m, n, N, v):
     """Dry friction at a speed [N or N m]; its impulse by one, without preload and Stribeck's part."""
-    return m.w[law_at(m, n) + MU_AT] * N if strikes(m) else laws.dry(m.w, law_at(m, n), N, v)
+    return m.w[law_at(m, n) + MU_AT] * N if in_impact(m) else laws.dry(m.w, law_at(m, n), N, v)
 
 
 @of_holds(None)
 @njit(**OPTIONS)
-def exert(m):
+def apply_friction(m):
     """Force, or impulse, of every friction at the current state, also at NOW, with its energy.
 
     Contacts are evaluated before.
     """
-    apart()
+    no_inline()
     w = m.w
     for n in range(-frictions(m), 0):
-        k, j = row_of(m, n), law_at(m, n)
-        row, v, mode = row_at(m, n), 0.0 if strikes(m) else w[k + SLIP], w[k + MODE]
+        k, j = fill_friction(m, n), law_at(m, n)
+        row, v, mode = row_at(m, n), 0.0 if in_impact(m) else w[k + SLIP], w[k + MODE]
         N = normal_force(m, n)
-        w[k + NORMAL], w[k + LIMIT] = N, dry(m, n, N, 0.0) if strikes(m) else laws.limit(w, j, N)
-        if mode == OPEN or idle(m, n):
+        w[k + NORMAL], w[k + LIMIT] = N, dry(m, n, N, 0.0) if in_impact(m) else laws.limit(w, j, N)
+        if mode == OPEN or is_idle(m, n):
             m.multipliers[row] = 0.0
         elif mode == FLOWING:
             m.multipliers[row] = -w[j + VISCOUS_AT] * v
-        elif mode == SLIPPING and second(m, n) and not strikes(m):
-            _rub(m, n, N)
+        elif mode == SLIPPING and second_row(m, n) and not in_impact(m):
+            _slip_in_plane(m, n, N)
         elif mode == SLIPPING:
-            m.multipliers[row] = -way(m, n) * dry(m, n, N, v) - w[j + VISCOUS_AT] * v
+            m.multipliers[row] = -slip_sign(m, n) * dry(m, n, N, v) - w[j + VISCOUS_AT] * v
         w[k + FORCE], w[k + STORED] = m.multipliers[row], 0.0
         if mode == BENDING:
             w[k + STORED] = 0.5 * w[j + lugre.STIFFNESS_AT] * w[k + MEMORY] * w[k + MEMORY]
@@ -237,23 +238,23 @@ def exert(m):
 @njit(**OPTIONS)
 def sliding_size(m, n):
     """Slip speed by which both components of a friction's force are divided, never zero."""
-    return math.hypot(abs(m.w[at(m, n) + SLIP]) + SLOWEST * extent(m, n), across(m, n, SLIP))
+    return math.hypot(abs(m.w[at(m, n) + SLIP]) + SLOWEST * row_scale(m, n), across(m, n, SLIP))
 
 
 @njit(**OPTIONS)
-def _rub(m, n, N):
+def _slip_in_plane(m, n, N):
     """Both components of a slipping friction's force, against the slip in the tangent plane.
 
     Beyond zero of its first component the force goes on without reversal, as that of one row.
     """
-    w, j, k, other = m.w, law_at(m, n), at(m, n), at(m, second(m, n))
-    v, beside, least = w[k + SLIP], w[other + SLIP], SLOWEST * extent(m, n)
+    w, j, k, other = m.w, law_at(m, n), at(m, n), at(m, second_row(m, n))
+    v, beside, least = w[k + SLIP], w[other + SLIP], SLOWEST * row_scale(m, n)
     if w[k + DUE] < 0.0:  # both are rounding
         v = beside = 0.0
     share = laws.dry(w, j, N, math.hypot(v, beside)) / math.hypot(abs(v) + least, beside)
     m.multipliers[row_at(m, n)] = -share * (abs(v) + least) - w[j + VISCOUS_AT] * v
     w[other + FORCE] = -share * (beside if v >= 0.0 else -beside) - w[j + VISCOUS_AT] * beside
-    m.multipliers[row_at(m, second(m, n))] = w[other + FORCE]
+    m.multipliers[row_at(m, second_row(m, n))] = w[other + FORCE]
 
 
 @njit(**OPTIONS)
@@ -287,7 +288,7 @@ def record(m):
         out[i], out[i + 1], out[i + 2] = w[k + GAP], w[k + GAP_RATE], w[k + FORCE]
         if n < 0 and m.acts[act_of(m, n), WHAT] == ACROSS:
             out[i], out[i + 1], out[i + 2] = _force_of(m, n)
-        elif n < 0 and second(m, n):
+        elif n < 0 and second_row(m, n):
             out[i + 1], out[i + 2] = magnitude(m, n, SLIP), magnitude(m, n, FORCE)
         out[i + 3] = w[k + (NORMAL if n < 0 else FORCE)]
         out[i + 4], out[i + 5], out[i + 6] = w[k + STORED], w[k + MODE], w[k + MEMORY]

@@ -24,8 +24,8 @@ from numba import njit
 from kaneflex.multibody.compile.stand_ins import of_holds, of_impacts
 from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics.algebra import angular_size, linear_size
-from kaneflex.multibody.dynamics.loop_closure import factorise_now, follow, mend, rows_of_frictions
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, smaller
+from kaneflex.multibody.dynamics.loop_closure import correct_accelerations, factorise_now, follow, rows_of_frictions
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted, smaller
 from kaneflex.multibody.model.codes import FORCES, IMPULSES, NOTHING
 from kaneflex.multibody.model.layout import (
     ALLOWED, ALONE, BODIES, BORE, BOUNCE, CLOSED, COORDINATES, CUT_ROWS, DECIDES, DUE, EXTENT, FORCE, GAP, GAP_ACCEL,
@@ -33,15 +33,17 @@ from kaneflex.multibody.model.layout import (
     QUIET, REACTIONS, RESISTING_MASS, RESTED, RESTED_BEFORE, ROUNDED, ROW_OF, SHUT, SLIP, SLIPPING, SLIP_RATE, STICKING,
     STICKS, STRUCK, TOUCH, UNSURE, WORKS,
 )  # fmt: skip
-from kaneflex.multibody.time.state_record import give, works_at
+from kaneflex.multibody.time.state_record import works_at, write_row
 from kaneflex.multibody.unilateral import decision
-from kaneflex.multibody.unilateral.active_set import LETS_GO, begin, part
+from kaneflex.multibody.unilateral.active_set import LETS_GO, begin_impact, open_contact
 from kaneflex.multibody.unilateral.decision import LET_GO, STILL, TURNED
-from kaneflex.multibody.unilateral.frictions import NOISE, motion_size, no_rate, no_speed, opens, slip, stick
-from kaneflex.multibody.unilateral.relative_rows import extent, meet, near
+from kaneflex.multibody.unilateral.frictions import (
+    NOISE, motion_size, open_with_contact, slip, stick, zero_acceleration, zero_speed,
+)  # fmt: skip
+from kaneflex.multibody.unilateral.relative_rows import fill_contact, row_scale, zero_gap
 from kaneflex.multibody.unilateral.rows import (
-    EPS, LAW_AT, MU_AT, VISCOUS_LAW, across, at, contacts, frictions, is_second, law_at, magnitude, no_force,
-    on_contact, rigid, row_at, second,
+    EPS, LAW_AT, MU_AT, VISCOUS_LAW, across, at, contact_of, contacts, frictions, is_rigid, is_second, law_at,
+    magnitude, row_at, second_row, zero_force,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.step_rows import effective_mass
 
@@ -59,7 +61,7 @@ def collide(m, state, A, wanted):
 
     RESTED is set if other contacts rest than before: dependent coordinates must be chosen again then.
     """
-    apart()
+    no_inline()
     plan, w, t = m.plan, m.w, state[0]
     kept, cuts = m.pivots[KEPT], 0
     if not _gather(m, t):
@@ -75,9 +77,9 @@ def collide(m, state, A, wanted):
     if undecided:
         return -2.0 if undecided == 2 and frictions(m) else -1.0
     _settle(m, state)
-    if kept > cuts and w[plan[TOUCH] + RESTED] == 0.0 and not (follow(m, t) and mend(m, t, A, 2)):
+    if kept > cuts and w[plan[TOUCH] + RESTED] == 0.0 and not (follow(m, t) and correct_accelerations(m, t, A, 2)):
         return -1.0
-    give(m, t, state)
+    write_row(m, t, state)
     return wanted
 
 
@@ -87,20 +89,20 @@ def _gather(m, t):
 
     If the force of one has come to zero, all with zero force separate.
     """
-    apart()
+    no_inline()
     w, found, parting = m.w, False, False
     for n in range(contacts(m)):
         w[at(m, n) + MET] = w[at(m, n) + MAY] = 0.0
-        parting = parting or (rigid(m, n) and w[at(m, n) + DUE] == LETS_GO)
+        parting = parting or (is_rigid(m, n) and w[at(m, n) + DUE] == LETS_GO)
     for n in range(contacts(m)):
-        if not rigid(m, n):
+        if not is_rigid(m, n):
             continue
-        k = meet(m, n)
+        k = fill_contact(m, n)
         rested = w[k + MODE] == CLOSED
         rate = 0.0 if rested or abs(w[k + GAP_RATE]) <= 0.1 * NOISE * motion_size(m, n, 0) else w[k + GAP_RATE]
-        if parting and rested and w[k + FORCE] <= no_force(m, n):
+        if parting and rested and w[k + FORCE] <= zero_force(m, n):
             w[k + DUE] = LETS_GO
-        if rested or w[k + DUE] != 0.0 or w[k + GAP] <= _TOGETHER * near(m, n, t, rate):
+        if rested or w[k + DUE] != 0.0 or w[k + GAP] <= _TOGETHER * zero_gap(m, n, t, rate):
             w[k + MET], w[k + OLD], w[k + RESTED_BEFORE], w[k + STICKS] = 1.0, rate, rested, 0.0
             w[k + MAY], found = 1.0, True
             w[k + MODE], m.multipliers[row_at(m, n)] = OPEN, 0.0
@@ -111,11 +113,11 @@ def _gather(m, t):
 @njit(**OPTIONS)
 def _gather_frictions(m):
     """Note the modes of frictions, and which of them may have an impulse; sticking ones that are to slip bear BORE."""
-    apart()
+    no_inline()
     w = m.w
     rows_of_frictions(m)
     for n in range(-frictions(m), 0):
-        k, j, c = at(m, n), law_at(m, n), on_contact(m, n)
+        k, j, c = at(m, n), law_at(m, n), contact_of(m, n)
         w[k + MODE_BEFORE], w[k + MEMORY_BEFORE], w[k + OLD] = w[k + MODE], w[k + MEMORY], w[k + SLIP]
         if w[k + MODE] == STICKING:
             w[k + OLD] = 0.0
@@ -126,10 +128,10 @@ def _gather_frictions(m):
 
 
 @njit(**OPTIONS)
-def _weigh(m, A):
+def _fill_masses(m, A):
     """Effective masses along the rows that may have impulses, and rounding errors of their rates by the largest speed;
     False: singular."""
-    apart()
+    no_inline()
     w, fastest = m.w, 0.0
     for b in range(m.plan[BODIES]):
         twist = m.twist[m.frames[b, 0]]
@@ -140,15 +142,15 @@ def _weigh(m, A):
         k = at(m, n)
         if w[k + MAY] != 0.0:
             w[k + RESISTING_MASS] = effective_mass(m, n, A)
-            w[k + ROUNDED] = NOISE * fastest * extent(m, n) / w[m.plan[TOUCH] + EXTENT]
+            w[k + ROUNDED] = NOISE * fastest * row_scale(m, n) / w[m.plan[TOUCH] + EXTENT]
     return True
 
 
 @njit(**OPTIONS)
 def _collided(m, t, A):
     """Speeds after the impact, and forces of the resting contacts; returns as :func:`decision.decide`."""
-    apart()
-    if not _weigh(m, A):
+    no_inline()
+    if not _fill_masses(m, A):
         return 1
     for _ in range(contacts(m) + 1):
         undecided = _jump(m, t, A)
@@ -164,7 +166,7 @@ def _collided(m, t, A):
 @njit(**OPTIONS)
 def _guess(m, share):
     """Set the speeds that contacts ask for, with a share of their restitution, and first modes."""
-    apart()
+    no_inline()
     w = m.w
     for n in range(contacts(m)):
         k = at(m, n)
@@ -186,7 +188,7 @@ def _guess(m, share):
 @njit(**OPTIONS)
 def _jump(m, t, A):
     """Impulses, and all speeds after them; returns as :func:`decision.decide`."""
-    apart()
+    no_inline()
     w = m.w
     m.pivots[DECIDES] = IMPULSES
     _guess(m, 1.0)
@@ -212,7 +214,7 @@ def _modes_after_impact(m, t):
 
     Those without impulses have their modes before.
     """
-    apart()
+    no_inline()
     w, jumped = m.w, False
     for n in range(contacts(m)):
         jumped = jumped or (w[at(m, n) + MET] != 0.0 and w[at(m, n) + STRUCK] > 0.0)
@@ -224,14 +226,14 @@ def _modes_after_impact(m, t):
             continue
         if jumped:
             w[k + DUE] = 0.0
-        none = no_speed(m, n, t) + 10.0 * w[k + ROUNDED]
-        if magnitude(m, n, NEW) > (none if w[k + DUE] == 0.0 else TURNED * none if second(m, n) else math.inf):
+        none = zero_speed(m, n, t) + 10.0 * w[k + ROUNDED]
+        if magnitude(m, n, NEW) > (none if w[k + DUE] == 0.0 else TURNED * none if second_row(m, n) else math.inf):
             w[k + DUE] = 0.0
             slip(m, n, w[k + NEW], across(m, n, NEW))
             continue
         w[k + DUE] = smaller(w[k + DUE], STILL)
         stick(m, n)
-        if w[k + MODE_BEFORE] == STICKING and not second(m, n):
+        if w[k + MODE_BEFORE] == STICKING and not second_row(m, n):
             w[k + MEMORY] = w[k + MEMORY_BEFORE]
 
 
@@ -239,21 +241,21 @@ def _modes_after_impact(m, t):
 def _forces(m, t, A):
     """Accelerations without contacts, and forces of the resting contacts; returns as :func:`decision.decide`, and the
     number of those that separate too slowly to bounce, and stay."""
-    apart()
+    no_inline()
     w, slowed, undecided = m.w, 0, 0
     for n in range(contacts(m)):
         if w[at(m, n) + MET] != 0.0:
             w[at(m, n) + MODE], m.multipliers[row_at(m, n)] = OPEN, 0.0
     m.pivots[DECIDES] = FORCES
-    if not mend(m, t, A, 1):
+    if not correct_accelerations(m, t, A, 1):
         return 1, 0
     m.pivots[DECIDES] = NOTHING
     for n in range(-frictions(m), contacts(m)):
-        k, fast = at(m, n), motion_size(m, n, 0) if n < 0 or rigid(m, n) else 0.0
+        k, fast = at(m, n), motion_size(m, n, 0) if n < 0 or is_rigid(m, n) else 0.0
         if n < 0 or w[k + MET] != 0.0:
-            w[k + UNSURE] = NOISE * (motion_size(m, n, 1) + fast * fast / extent(m, n))
+            w[k + UNSURE] = NOISE * (motion_size(m, n, 1) + fast * fast / row_scale(m, n))
         if n >= 0 and w[k + MET] != 0.0:
-            k = meet(m, n)
+            k = fill_contact(m, n)
             w[k + ALONE], w[k + MODE] = w[k + GAP_ACCEL], CLOSED
     if not decision.begin(m, t, A):
         return 1, 0
@@ -278,7 +280,7 @@ def _slowed(m, t, known):
 
     Forces that would also hold those that bounce are not always ``known``.
     """
-    apart()
+    no_inline()
     w, slowed, others = m.w, 0, False
     for n in range(contacts(m)):
         if w[at(m, n) + MET] == 0.0:
@@ -288,7 +290,7 @@ def _slowed(m, t, known):
         noise = NOISE * abs(w[k + OLD]) + w[k + ROUNDED]
         if not known or w[k + GAP_ACCEL] <= 10.0 * w[k + UNSURE]:  # or others keep it closed
             pressing = larger(pressing, -w[k + ALONE])
-        low = math.sqrt(larger(2.0 * LEAST_HEIGHT * near(m, n, t, v) * pressing, 0.0))
+        low = math.sqrt(larger(2.0 * LEAST_HEIGHT * zero_gap(m, n, t, v) * pressing, 0.0))
         low = larger(low, 32.0 * EPS * abs(t) * pressing)
         w[k + QUIET] = larger(noise, low)  # negligible rate, also after the impact of another contact
         if w[k + STICKS] == 0.0 and v <= larger(noise, low):
@@ -301,7 +303,7 @@ def _slowed(m, t, known):
 @njit(**OPTIONS)
 def _settle(m, state):
     """Update the modes of the contacts, and record the impacts."""
-    apart()
+    no_inline()
     plan, w, t, works = m.plan, m.w, state[0], works_at(m)
     for k in range(plan[WORKS]):
         state[works + k] += w[plan[POWER] + k]
@@ -316,7 +318,7 @@ def _settle(m, state):
         resting = w[k + STICKS] != 0.0 and w[k + DUE] != LETS_GO and abs(new) <= w[k + QUIET]
         resting = resting and (f > nothing or held)
         if not rested and (resting or p > 0.0):
-            begin(m, n, t, larger(-old, 0.0), state[work])
+            begin_impact(m, n, t, larger(-old, 0.0), state[work])
         w[k + IMPULSE] += p
         state[work] -= 0.5 * p * (old + new)
         w[k + ALLOWED] = 1e-10 * f + nothing
@@ -324,7 +326,7 @@ def _settle(m, state):
         if resting:
             w[k + MODE] = CLOSED
         elif rested or p > 0.0:
-            part(m, n, t, state[work])
+            open_contact(m, n, t, state[work])
         if resting != (w[k + SHUT] != 0.0):
             w[plan[TOUCH] + RESTED] = 1.0
     _settle_frictions(m, state)
@@ -342,7 +344,7 @@ def _settle_frictions(m, state):
         if w[k + MAY] != 0.0:
             state[work + n] -= 0.5 * w[k + STRUCK] * (w[k + OLD] + w[k + NEW])
             state[work + n] -= 0.5 * across(m, n, STRUCK) * (across(m, n, OLD) + across(m, n, NEW))
-        if opens(m, n):
+        if open_with_contact(m, n):
             w[k + DUE] = 0.0
-        elif w[k + DUE] < 0.0 and w[k + MODE] == SLIPPING and magnitude(m, n, SLIP_RATE) <= no_rate(m, n):
+        elif w[k + DUE] < 0.0 and w[k + MODE] == SLIPPING and magnitude(m, n, SLIP_RATE) <= zero_acceleration(m, n):
             stick(m, n)

@@ -17,7 +17,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import friction as laws
-from kaneflex.multibody.compile.types import OPTIONS, apart, basis, larger
+from kaneflex.multibody.compile.types import OPTIONS, basis, larger, no_inline
 from kaneflex.multibody.model.layout import BY_PRESS, BY_SPEED, DECAY, FIRMEST, MEMORY, NODES, NORMAL, SLIP, VISCOUS
 
 VISCOUS_AT, STIFFNESS_AT, DAMPING_AT = 7, 12, 13
@@ -30,25 +30,25 @@ yet."""
 
 
 @njit(**OPTIONS)
-def resisted(w, j, N, v):
+def sliding_resistance(w, j, N, v):
     """Sliding resistance g at a speed [N or N m]."""
     return larger(laws.dry(w, j, N, v), _LEAST)
 
 
 @njit(**OPTIONS)
-def by_now(w, k, j):
+def force_now(w, k, j):
     """Force [N or N m] of bristles on the second side in the current state."""
     v, z = w[k + SLIP], w[k + MEMORY]
-    g = resisted(w, j, w[k + NORMAL], v)
+    g = sliding_resistance(w, j, w[k + NORMAL], v)
     if g < _UNKNOWN * w[j + STIFFNESS_AT] * abs(z) or g == _LEAST:
         return -w[j + STIFFNESS_AT] * z - w[j + VISCOUS_AT] * v
     return -laws.bristle_force(w, j, g, v, z)
 
 
 @njit(**OPTIONS)
-def know(w, k, j, N, v, z, h):
+def linearise(w, k, j, N, v, z, h):
     """Linearise a friction's bristles with deflection z before h; h = 0: at an instant."""
-    g = resisted(w, j, N, v)
+    g = sliding_resistance(w, j, N, v)
     slope = laws.dry_slope(w, j, N, v) if v != 0.0 else 0.0
     decay = laws.bristle_decay(w, j, g, v)
     z = (z + h * v) / (1.0 + h * decay)
@@ -62,15 +62,15 @@ def know(w, k, j, N, v, z, h):
 
 
 @njit(**OPTIONS)
-def firmness(w, k, j, h):
+def step_damping(w, k, j, h):
     """Derivative of the force with respect to the bristles' rate over a step h."""
     return (w[j + DAMPING_AT] + h * w[j + STIFFNESS_AT]) / (1.0 + h * w[k + DECAY])
 
 
 @njit(**OPTIONS)
-def bend(table, h, w, k, j, z):
+def deflect(table, h, w, k, j, z):
     """Deflection and force of bristles in the stages, from the speeds and g at the nodes; z: before the step h."""
-    apart()
+    no_inline()
     one, two, three = k + NODES + 4, k + NODES + 8, k + NODES + 12
     d_0 = laws.bristle_decay(w, j, w[one + 1], w[one])
     d_1 = laws.bristle_decay(w, j, w[two + 1], w[two])
@@ -96,7 +96,7 @@ def bend(table, h, w, k, j, z):
 
 
 @njit(**OPTIONS)
-def bent_at_end(table, h, w, k, j, z):
+def deflection_at_end(table, h, w, k, j, z):
     """Deflection of the bristles at the end of the step."""
     if table.ends[0] != 0.0:
         return w[k + NODES + 14]
@@ -107,7 +107,7 @@ def bent_at_end(table, h, w, k, j, z):
 
 
 @njit(**OPTIONS)
-def minds(w, k, j, step):
+def sensitivity(w, k, j, step):
     """Deflection of a friction's bristles per 1 m or rad of slip in a step, as a share of their largest one.
 
     For a contact, the largest since it closed: at separation the normal force vanishes.
@@ -123,7 +123,7 @@ def minds(w, k, j, step):
 
 
 @njit(**OPTIONS)
-def turned(table, h, step, w, k, j, before):
+def turn_error(table, h, step, w, k, j, before):
     """Error of the deflection at the end of a step in which the slip turns, as a share of the largest; otherwise 0.
 
     The rate then has a kink: its error is the defect of the rate at the start, or, where the slip turns after the last

@@ -13,19 +13,20 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.compile.stand_ins import of_changes, of_impacts
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted, turned
-from kaneflex.multibody.compile.values import by_size, inside, row_length, twists, width
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted, turned
+from kaneflex.multibody.compile.values import by_size, inline, row_length, twists, width
 from kaneflex.multibody.dynamics.algebra import (
     axpy, coriolis, cross, dot, first, force_at, joined, minus, plus, scaled, twist_at, zero_like,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.kinematics import section_motion, section_place, twist_at_section
 from kaneflex.multibody.dynamics.wrenches import push, row_wrench
 from kaneflex.multibody.model.layout import (
-    ACROSS, AT, AXIS_AT, CIRCLES, CLOSED, COORDINATE_AT, EXTENT, FLANK, FORCE, GAP, GAP_ACCEL, GAP_RATE, LARGEST,
-    LAW, MEMORY, MODE, ON, OPEN, PLACE, ROOM, STAYS, STORED, TOUCH, TURN, WHAT,
+    ACROSS, AT, AXIS_AT, CIRCLES, CLOSED, COORDINATE_AT, EXTENT, FLANK, FORCE, GAP, GAP_ACCEL, GAP_RATE, LARGEST, LAW,
+    MEMORY, MODE, ON, OPEN, PLACE, ROOM, STAYS, STORED, TOUCH, TURN, WHAT,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import (
-    EPS, RADIUS_AT, REACH_AT, ROUNDING, act_of, argument, at, contacts, law_at, on_contact, rests, row_at, switches,
+    EPS, RADIUS_AT, REACH_AT, ROUNDING, act_of, argument_at, at, contact_of, contacts, is_at_rest, is_switch, law_at,
+    row_at,
 )  # fmt: skip
 
 
@@ -47,7 +48,7 @@ def angle_of(m, n):
 
 
 @njit(**OPTIONS)
-def extent(m, n):
+def row_scale(m, n):
     """Reference size of a row's value: size of the mechanism [m]; for flanks their angle, for turns 1 rad."""
     act = act_of(m, n)
     if n < 0 and m.acts[act, WHAT] == TURN:
@@ -58,20 +59,20 @@ def extent(m, n):
 
 
 @njit(**OPTIONS)
-def near(m, n, t, rate):
+def zero_gap(m, n, t, rate):
     """Gap of a contact [m or rad], or switching argument, that counts as zero."""
-    size = m.w[at(m, n) + LARGEST] if switches(m, n) else extent(m, n)
+    size = m.w[at(m, n) + LARGEST] if is_switch(m, n) else row_scale(m, n)
     return ROUNDING * size + 4.0 * EPS * abs(t * rate)
 
 
 @of_changes(None)
 @njit(**OPTIONS)
-def _meet_switch(m, n):
+def _fill_switch(m, n):
     """Numbers of a switching argument as a gap that closes when a load's law changes its branch.
 
     The gap is its distance from zero on its side; for one that stays on its side, the remaining distance.
     """
-    w, k, j = m.w, at(m, n), argument(m, n)
+    w, k, j = m.w, at(m, n), argument_at(m, n)
     side, value, rate = w[k + MEMORY], m.sizes[j], m.sizes[j + 1]
     if rate - rate != 0.0:  # not a number, for example on one side only
         rate = 0.0
@@ -84,23 +85,23 @@ def _meet_switch(m, n):
 
 
 @njit(**OPTIONS)
-def force(m, a):
+def as_force(m, a):
     """Wrench without moment, of the first components of a vector or twist."""
-    inside()
+    inline()
     return a[0], a[1], 0.0
 
 
 @njit(**OPTIONS)
 def _force_6(m, a):
-    inside()
+    inline()
     return a[0], a[1], a[2], 0.0, 0.0, 0.0
 
 
 @njit(**OPTIONS)
-def fixed(m, n, turns, axis):
+def fixed_wrench(m, n, turns, axis):
     """Unit force along a direction of the first section's body, or moment if ``turns`` is not 0, its sign in the plane;
     ``axis``: its place among the law's numbers in space."""
-    inside()
+    inline()
     if turns != 0.0:
         return 0.0, 0.0, turns
     x, y = turned(m.w, section_place(m, m.acts[act_of(m, n), AT])[2], law_at(m, n))
@@ -115,55 +116,55 @@ def _fixed_6(m, n, turns, axis):
     return joined(along, (0.0, 0.0, 0.0))
 
 
-force, fixed = by_size(force, _force_6), by_size(fixed, _fixed_6)
+as_force, fixed_wrench = by_size(as_force, _force_6), by_size(fixed_wrench, _fixed_6)
 
 
 @njit(**OPTIONS)
-def turning(t, a):
+def turn_rate(t, a):
     """Rate of a vector or wrench that turns with a twist."""
-    inside()
+    inline()
     return scaled(0.5, coriolis(t, a))
 
 
 @njit(**OPTIONS)
-def between(m, act):
+def separation(m, act):
     """Vector [m] from the first section to the second."""
-    inside()
-    return force(m, minus(section_place(m, m.acts[act, ON]), section_place(m, m.acts[act, AT])))
+    inline()
+    return as_force(m, minus(section_place(m, m.acts[act, ON]), section_place(m, m.acts[act, AT])))
 
 
 @njit(**OPTIONS)
 def _radial(m, n, a):
     """Part of a vector of circles across the axis of their bearing; all of it in the plane and of spheres."""
-    inside()
+    inline()
     if width(m) == 3:
         return a
     k = int(m.w[law_at(m, n) + AXIS_AT])
     if k < 0:
         return a
-    axis = force(m, m.axes[k])
+    axis = as_force(m, m.axes[k])
     return axpy(-dot(axis, a), axis, a)
 
 
 @njit(**OPTIONS)
-def touch(m, n):
+def normal_and_gap(m, n):
     """Unit normal of a contact, a force on its second section, or a moment of flanks, and the gap."""
-    act, own, d = act_of(m, n), law_at(m, n), between(m, act_of(m, n))
+    act, own, d = act_of(m, n), law_at(m, n), separation(m, act_of(m, n))
     what, way, reach = m.acts[act, WHAT], m.w[own], m.w[own + REACH_AT]
     if what == CIRCLES:  # about one centre they have no normal
         d = _radial(m, n, d)
         length = math.sqrt(dot(d, d) + 1e-300)
         return scaled(way / length, d), way * (length - reach)
-    normal = fixed(m, n, way if what == FLANK else 0.0, AXIS_AT)
+    normal = fixed_wrench(m, n, way if what == FLANK else 0.0, AXIS_AT)
     return normal, (way * angle_of(m, n)[0] if what == FLANK else dot(normal, d)) - reach
 
 
 @njit(**OPTIONS)
-def _centres_rate(m, n, normal):
+def _normal_rate(m, n, normal):
     """Rate of the normal of circles or spheres [1/s] against the first body: it turns with their centres."""
     act, own = act_of(m, n), law_at(m, n)
-    a = twist_at(twist_at_section(m, m.acts[act, AT]), between(m, act))
-    v = _radial(m, n, force(m, minus(twist_at_section(m, m.acts[act, ON]), a)))
+    a = twist_at(twist_at_section(m, m.acts[act, AT]), separation(m, act))
+    v = _radial(m, n, as_force(m, minus(twist_at_section(m, m.acts[act, ON]), a)))
     length = larger(m.w[own + REACH_AT] + m.w[own] * m.rows[row_length(m) * row_at(m, n)], 1e-150)
     return scaled(m.w[own] / length, axpy(-dot(v, normal), normal, v))
 
@@ -183,17 +184,17 @@ def _direction(m, n, normal):
     The first row's MEMORY is its angle to a reference axis of the first body that the second row's MEMORY names.
     """
     if width(m) == 3:
-        return force(m, (-normal[1], normal[0], 0.0))
+        return as_force(m, (-normal[1], normal[0], 0.0))
     beside, other = m.acts[act_of(m, n), WHAT] == ACROSS, int(m.w[law_at(m, n) + 1])
     one, two = other if beside else n, n if beside else other
     angle = m.w[at(m, one) + MEMORY] + (0.5 * math.pi if beside else 0.0)
     away = first(normal)
     axis = reference_axis(m, n, away, int(m.w[at(m, two) + MEMORY]))
-    return force(m, axpy(math.sin(angle), cross(away, axis), scaled(math.cos(angle), axis)))
+    return as_force(m, axpy(math.sin(angle), cross(away, axis), scaled(math.cos(angle), axis)))
 
 
 @njit(**OPTIONS)
-def _way(m, n, c, along):
+def _friction_position(m, n, c, along):
     """Position [m] of a contact's friction; 0 of circles, in space its MEMORY: these are no functions of places."""
     if width(m) == 6:
         return m.w[at(m, n) + MEMORY]
@@ -223,36 +224,36 @@ def fill_row(m, n):
     It is the motion of the second section past the first along a unit wrench, at a place that is fixed in the second
     body, or of circles and spheres keeps to their normal.
     """
-    apart()
-    act, row, c, radius, turns = act_of(m, n), row_length(m) * row_at(m, n), n if n >= 0 else on_contact(m, n), 0.0, 0.0
+    no_inline()
+    act, row, c, radius, turns = act_of(m, n), row_length(m) * row_at(m, n), n if n >= 0 else contact_of(m, n), 0.0, 0.0
     sinks = 0.0
     one, two, out = m.acts[act, AT], m.acts[act, ON], m.rows
     a, b = twist_at_section(m, one), twist_at_section(m, two)
     normal = zero_like(a)
     if n >= 0:
-        normal, out[row] = touch(m, n)
+        normal, out[row] = normal_and_gap(m, n)
         along = normal
     elif c >= 0:
         normal, radius = row_wrench(m, row_at(m, c), 1), m.w[law_at(m, c) + RADIUS_AT]
         if _rubs_outside(m, c, radius):
             radius, sinks = radius + out[row_length(m) * row_at(m, c)], out[row_length(m) * row_at(m, c) + 1]
         along = _direction(m, n, normal)
-        out[row] = _way(m, n, c, along)
+        out[row] = _friction_position(m, n, c, along)
     else:
         turns = 1.0 if m.acts[act, WHAT] == TURN else 0.0
-        along = fixed(m, n, turns, 0)
-        out[row] = angle_of(m, n)[0] if turns != 0.0 else dot(along, between(m, act))
+        along = fixed_wrench(m, n, turns, 0)
+        out[row] = angle_of(m, n)[0] if turns != 0.0 else dot(along, separation(m, act))
     place = minus(section_place(m, two), scaled(radius, normal))
     x, y = minus(place, section_place(m, one)), minus(place, section_place(m, two))
-    slide, slow, bends = axpy(-1.0, twist_at(a, x), twist_at(b, y)), turning(a, normal), 0.0
+    slide, slow, bends = axpy(-1.0, twist_at(a, x), twist_at(b, y)), turn_rate(a, normal), 0.0
     if c >= 0 and m.acts[act_of(m, c), WHAT] == CIRCLES:
-        own = _centres_rate(m, c, normal)
+        own = _normal_rate(m, c, normal)
         bends = dot(own, slide) if n >= 0 else -dot(along, own) * dot(normal, slide)
         slow = plus(slow, own)
-    moves = axpy(-sinks, normal, force(m, axpy(-radius, slow, b)))  # rate of the place
-    back, on = axpy(-1.0, force(m, a), plus(moves, slide)), axpy(-1.0, force(m, b), moves)
+    moves = axpy(-sinks, normal, as_force(m, axpy(-radius, slow, b)))  # rate of the place
+    back, on = axpy(-1.0, as_force(m, a), plus(moves, slide)), axpy(-1.0, as_force(m, b), moves)
     faster = axpy(-1.0, twist_at(section_motion(m, one, 1), x), twist_at(section_motion(m, two, 1), y))
-    faster = plus(faster, axpy(-1.0, turning(a, back), turning(b, on)))
+    faster = plus(faster, axpy(-1.0, turn_rate(a, back), turn_rate(b, on)))
     out[row + 1], out[row + 2] = dot(along, slide), dot(along, faster) + bends
     both = twists(m, shifted(out, row + 3))
     both[0], both[1] = scaled(-1.0, force_at(along, x)), force_at(along, y)
@@ -260,7 +261,7 @@ def fill_row(m, n):
 
 @njit(**OPTIONS)
 def place_of(m, n):
-    """Touched place of a contact after :func:`meet` [m], global; of flanks that of the second section."""
+    """Touched place of a contact after :func:`fill_contact` [m], global; of flanks that of the second section."""
     place, push = section_place(m, m.acts[act_of(m, n), ON]), row_wrench(m, row_at(m, n), 1)
     radius = m.w[law_at(m, n) + RADIUS_AT]
     z = place[2] - radius * push[2] if width(m) == 6 else 0.0
@@ -268,7 +269,7 @@ def place_of(m, n):
 
 
 @njit(**OPTIONS)
-def meet(m, n):
+def fill_contact(m, n):
     """Row and numbers of a contact or switch, and their place; nothing else is changed.
 
     A released contact exerts no force and loses its stored energy. One at rest under Newton's law exerts the reaction
@@ -276,8 +277,8 @@ def meet(m, n):
     """
     w, k, j, row, law = m.w, at(m, n), law_at(m, n), row_length(m) * row_at(m, n), m.acts[act_of(m, n), LAW]
     w[k + FORCE] = w[k + STORED] = 0.0
-    if switches(m, n):
-        _meet_switch(m, n)
+    if is_switch(m, n):
+        _fill_switch(m, n)
         return k
     fill_row(m, n)
     w[k + GAP], w[k + GAP_RATE], w[k + GAP_ACCEL] = m.rows[row], m.rows[row + 1], m.rows[row + 2]
@@ -295,11 +296,11 @@ def meet(m, n):
 
 @of_changes(None)
 @njit(**OPTIONS)
-def press(m):
+def apply_contact_forces(m):
     """Contact forces of closed contacts on their sections, with the numbers of all contacts and switches."""
-    apart()
+    no_inline()
     for n in range(contacts(m)):
-        force = m.w[meet(m, n) + FORCE]
+        force = m.w[fill_contact(m, n) + FORCE]
         if force != 0.0:
             for side in range(2):
                 push(m, m.acts[act_of(m, n), AT + side], scaled(force, row_wrench(m, row_at(m, n), side)))
@@ -307,9 +308,9 @@ def press(m):
 
 @of_impacts(None)
 @njit(**OPTIONS)
-def rest_rows(m):
+def fill_rest_rows(m):
     """Rows of contacts at rest under Newton's law: gap, rate, acceleration, and Jacobians."""
-    apart()
+    no_inline()
     for n in range(contacts(m)):
-        if rests(m, n):
-            meet(m, n)
+        if is_at_rest(m, n):
+            fill_contact(m, n)

@@ -81,25 +81,25 @@ def row_at(m, n):
 
 
 @njit(**OPTIONS)
-def rigid(m, n):
+def is_rigid(m, n):
     """True if a contact follows Newton's law."""
     return m.acts[act_of(m, n), LAW] == NEWTON
 
 
 @njit(**OPTIONS)
-def switches(m, n):
+def is_switch(m, n):
     """True for a switching argument of laws instead of a contact."""
     return m.acts[act_of(m, n), WHAT] == SWITCH
 
 
 @njit(**OPTIONS)
-def on_contact(m, n):
+def contact_of(m, n):
     """Contact that a friction belongs to; below zero if it belongs to a joint."""
     return int(m.w[law_at(m, n) + OF_AT]) - m.plan[CONTACTS] if m.acts[act_of(m, n), WHAT] >= ALONG else -1
 
 
 @njit(**OPTIONS)
-def second(m, n):
+def second_row(m, n):
     """Row across the slip of a contact's friction in space; 0 of other frictions, which have one row."""
     return int(m.w[law_at(m, n) + 1]) if width(m) == 6 and m.acts[act_of(m, n), WHAT] == ALONG else 0
 
@@ -113,7 +113,7 @@ def is_second(m, n):
 @njit(**OPTIONS)
 def across(m, n, what):
     """Number of a friction's second row; 0 without one."""
-    other = second(m, n)
+    other = second_row(m, n)
     return m.w[at(m, other) + what] if other else 0.0
 
 
@@ -124,37 +124,37 @@ def magnitude(m, n, what):
 
 
 @njit(**OPTIONS)
-def way(m, n):
+def slip_sign(m, n):
     """Direction of slip along a friction's row, 1 or -1."""
-    return 1.0 if second(m, n) else m.w[at(m, n) + MEMORY]
+    return 1.0 if second_row(m, n) else m.w[at(m, n) + MEMORY]
 
 
 @njit(**OPTIONS)
-def depth_of(w, own, mass, speed):
+def impact_depth(w, own, mass, speed):
     """Depth of an elastic impact of a mass [m]."""
     power = w[own + 4] + 1.0
     return (power * mass * speed * speed / (2.0 * w[own + 3])) ** (1.0 / power)
 
 
 @njit(**OPTIONS)
-def no_force(m, n):
+def zero_force(m, n):
     """Force [N] of a contact that counts as zero."""
     w, k = m.w, at(m, n)
-    if rigid(m, n):
+    if is_rigid(m, n):
         return w[k + ALLOWED] + 1e-11 * w[k + PEAK]
     return 1e-9 * (w[k + PEAK] + touching.elastic(w, law_at(m, n), -w[k + ALLOWED] / w[m.plan[TOUCH] + PRECISION]))
 
 
 @njit(**OPTIONS)
-def strikes(m):
+def in_impact(m):
     """1 while impulses are decided, else 0."""
     return 1 if m.pivots[DECIDES] == IMPULSES else 0
 
 
 @njit(**OPTIONS)
-def idle(m, n):
+def is_idle(m, n):
     """True if the contact of a friction is open while modes are decided."""
-    c = on_contact(m, n)
+    c = contact_of(m, n)
     return m.pivots[DECIDES] != NOTHING and c >= 0 and m.w[at(m, c) + MODE] == OPEN
 
 
@@ -168,12 +168,12 @@ def product(w, row, values, count):
 
 
 @njit(**OPTIONS)
-def argument(m, n):
+def argument_at(m, n):
     """Place of a switch's argument and its rate among the sizes of loads."""
     return m.plan[SPRINGS] - m.plan[LOADS] + 2 * m.acts[act_of(m, n), ROW_AT]
 
 
 @njit(**OPTIONS)
-def rests(m, n):
+def is_at_rest(m, n):
     """True if a contact is at rest under Newton's law."""
-    return rigid(m, n) and m.w[at(m, n) + MODE] == CLOSED
+    return is_rigid(m, n) and m.w[at(m, n) + MODE] == CLOSED

@@ -19,17 +19,17 @@ from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.kinematics import move
 from kaneflex.multibody.dynamics.loop_closure import factorise_now, follow, rows_of_frictions
 from kaneflex.multibody.dynamics.loop_factors import solve_closed
-from kaneflex.multibody.compile.types import OPTIONS, apart, larger, shifted
+from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted
 from kaneflex.multibody.model.layout import (
     ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COLUMNS, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE,
     HOLDS, JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PLACE, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP,
     SLIP_RATE, STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
-from kaneflex.multibody.unilateral.factors import memory_place, prescribe_nothing, presses, row_in, rows_of_step
+from kaneflex.multibody.unilateral.factors import is_normal_force, memory_place, prescribe_nothing, row_in, rows_of_step
 from kaneflex.multibody.unilateral.frictions import size_of
-from kaneflex.multibody.unilateral.relative_rows import extent, meet
-from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, frictions, law_at, product, rigid, row_at
+from kaneflex.multibody.unilateral.relative_rows import fill_contact, row_scale
+from kaneflex.multibody.unilateral.rows import EPS, act_of, at, contacts, frictions, is_rigid, law_at, product, row_at
 
 _NO_JAM = 1e-9
 """Share of a contact's compliance that counts as rounding."""
@@ -47,7 +47,7 @@ def along(m, n):
 
     Its row by the twists of its sections is known.
     """
-    apart()
+    no_inline()
     out = gradient_at(m, n)
     for i in range(m.plan[COORDINATES]):
         m.w[out + i] = 0.0
@@ -59,7 +59,7 @@ def along(m, n):
 @njit(**OPTIONS)
 def effective_mass(m, n, A):
     """Force along a row per acceleration of its value, by the factors of this instant."""
-    apart()
+    no_inline()
     plan, g = m.plan, along(m, n)
     answer = plan[COLUMNS] + plan[COORDINATES] * plan[KEPT]
     for i in range(plan[COORDINATES]):
@@ -71,14 +71,14 @@ def effective_mass(m, n, A):
 
 @of_contacts(None)
 @njit(**OPTIONS)
-def let_yield(m, h, state):
+def collect_rows(m, h, state):
     """Collect closed contacts, by their slopes in the middle of the step, and frictions for the factors; positions are
     those there."""
-    apart()
+    no_inline()
     plan, w, size, first = m.plan, m.w, m.plan[COORDINATES], m.plan[VIRTUAL]
     count = first
     for n in range(contacts(m)):
-        if left_out(m, n) or (w[at(m, n) + MODE] == CLOSED and not rigid(m, n)):
+        if left_out(m, n) or (w[at(m, n) + MODE] == CLOSED and not is_rigid(m, n)):
             m.pivots[plan[TOUCHING] + count] = n
             count += 1
     m.pivots[YIELDING] = count
@@ -89,8 +89,8 @@ def let_yield(m, h, state):
     move(m, 0)
     for r in range(first, count):
         n = m.pivots[plan[TOUCHING] + r]
-        k, law = meet(m, n), m.acts[act_of(m, n), LAW]
-        if rigid(m, n):
+        k, law = fill_contact(m, n), m.acts[act_of(m, n), LAW]
+        if is_rigid(m, n):
             continue
         by_gap, by_rate = touching.normal_slopes(law, w, law_at(m, n), w[k + MEMORY], w[k + GAP], w[k + GAP_RATE])
         w[k + STIFF], w[k + VISCOUS] = larger(-by_gap, 1e-200), larger(-by_rate, 0.0)
@@ -104,20 +104,20 @@ def let_yield(m, h, state):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def notice_jams(m, t, step, A):
+def note_jams(m, t, step, A):
     """Record the first time at which friction jams a contact, by the factors of a step that is taken.
 
     A separating force with its friction then brings the sides closer: rigid sides would have no consistent force, or
     several (Painleve's paradox); these are compliant.
     """
-    apart()
+    no_inline()
     plan, w, x = m.plan, m.w, m.plan[REACTION]
     count = plan[KEPT] + m.pivots[YIELDING]
     for r in range(plan[KEPT] + plan[VIRTUAL], count):
         c = row_in(m, r)
-        for n in range(-frictions(m) if c >= 0 and not rigid(m, c) else 0, 0):
+        for n in range(-frictions(m) if c >= 0 and not is_rigid(m, c) else 0, 0):
             since = at(m, n) + JAMS
-            if w[since] == w[since] or not presses(m, n, r):
+            if w[since] == w[since] or not is_normal_force(m, n, r):
                 continue
             for q in range(count):
                 A[x + q] = 0.0
@@ -132,17 +132,17 @@ def notice_jams(m, t, step, A):
 @njit(**OPTIONS)
 def change_of_gaps(m, h, real, pair, one, two, A, B):
     """Largest change of a gap by an iteration of one stage, in errors allowed."""
-    apart()
+    no_inline()
     plan, w, largest = m.plan, m.w, 0.0
     step, steps = h * real, h * pair
     for r in range(plan[KEPT] + plan[VIRTUAL], plan[KEPT] + m.pivots[YIELDING]):
         n, x = row_in(m, r), plan[REACTION] + r
-        if n < 0 or rigid(m, n):
+        if n < 0 or is_rigid(m, n):
             continue
         k = at(m, n)
         c, s = w[k + VISCOUS], w[k + STIFF]
         d = one * A[x] / (step * (c + step * s)) + (two * B[x] / (steps * (c + steps * s))).real
-        largest = larger(largest, (h * h * abs(d) - EPS * 8.0 * extent(m, n)) / w[k + ALLOWED])
+        largest = larger(largest, (h * h * abs(d) - EPS * 8.0 * row_scale(m, n)) / w[k + ALLOWED])
     return largest
 
 
@@ -150,13 +150,13 @@ def change_of_gaps(m, h, real, pair, one, two, A, B):
 @njit(**OPTIONS)
 def resist_defect(m, step, A, answer):
     """Subtract the effect of the rows on a defect, at ACCEL, from the forces: see ``collocation._error``."""
-    apart()
+    no_inline()
     plan, w, size = m.plan, m.w, m.plan[COORDINATES]
     for r in range(plan[VIRTUAL], m.pivots[YIELDING]):
         n = m.pivots[plan[TOUCHING] + r]
         k, g = at(m, n), gradient_at(m, n)
         slope = w[k + VISCOUS] + step * w[k + STIFF] + _bristle_slope(m, n, step)
-        share = 0.0 if n >= 0 and rigid(m, n) else step * slope * product(w, g, m.du, size)
+        share = 0.0 if n >= 0 and is_rigid(m, n) else step * slope * product(w, g, m.du, size)
         for i in range(size):
             A[answer + i] -= share * w[g + i]
 
@@ -166,15 +166,15 @@ def resist_defect(m, step, A, answer):
 def error_of_gaps(m, table, h, state, step, A, answer):
     """Largest error of a gap, and of the deflection of bristles, by the defect at ACCEL and the answer to it, as an
     acceleration in errors allowed: of bristles a share of the deflection before slip."""
-    apart()
+    no_inline()
     plan, w, size, largest = m.plan, m.w, m.plan[COORDINATES], 0.0
     for r in range(plan[VIRTUAL], m.pivots[YIELDING]):
         n = m.pivots[plan[TOUCHING] + r]
         k, g = at(m, n), gradient_at(m, n)
         error = abs(product(w, g, m.du, size) + product(w, g, shifted(A, answer), size))
         if n >= 0:
-            error = 0.0 if rigid(m, n) else error
-            largest = larger(largest, (error - 16.0 * EPS * extent(m, n) / (h * h)) / w[k + ALLOWED])
+            error = 0.0 if is_rigid(m, n) else error
+            largest = larger(largest, (error - 16.0 * EPS * row_scale(m, n) / (h * h)) / w[k + ALLOWED])
             continue
         error -= 16.0 * EPS * size_of(m, n, 0) / h
         largest = larger(largest, _bristle_error(m, n, table, h, state, step, error))
@@ -186,7 +186,7 @@ def error_of_gaps(m, table, h, state, step, A, answer):
 def _bristle_slope(m, n, step):
     """Derivative of a force of bristles with respect to the speed, for a step; 0 of other rows."""
     k = at(m, n)
-    return lugre.firmness(m.w, k, law_at(m, n), step) * m.w[k + BY_SPEED] if m.w[k + MODE] == BENDING else 0.0
+    return lugre.step_damping(m.w, k, law_at(m, n), step) * m.w[k + BY_SPEED] if m.w[k + MODE] == BENDING else 0.0
 
 
 @of_holds(0.0)
@@ -197,15 +197,15 @@ def _bristle_error(m, n, table, h, state, step, error):
     w, k, j = m.w, at(m, n), law_at(m, n)
     if w[k + MODE] != BENDING:
         return 0.0
-    own = lugre.turned(table, h, step, w, k, j, state[memory_place(m, n)])
-    return (error * lugre.minds(w, k, j, step) + own / (0.5 * h * h)) / w[m.plan[TOUCH] + PRECISION]
+    own = lugre.turn_error(table, h, step, w, k, j, state[memory_place(m, n)])
+    return (error * lugre.sensitivity(w, k, j, step) + own / (0.5 * h * h)) / w[m.plan[TOUCH] + PRECISION]
 
 
 @of_holds(None)
 @njit(**OPTIONS)
 def store_stage(m, i):
     """Store results of frictions in a stage: accelerations of all, and forces of slipping ones."""
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     for n in range(-frictions(m), 0):
         w[plan[STAGE_H] + frictions(m) * (i + 1) + n] = w[at(m, n) + SLIP_RATE]
@@ -217,7 +217,7 @@ def store_stage(m, i):
 def prescribe_in_stages(m, into, A, B):
     """Prescribe zero accelerations of sticking friction to an iteration of the stages; for bristles the missing
     force."""
-    apart()
+    no_inline()
     plan, w, count = m.plan, m.w, frictions(m)
     for n in range(-count, 0):
         own = plan[STAGE_H] + count + n
@@ -231,14 +231,14 @@ def prescribe_in_stages(m, into, A, B):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def bend(m, table, h, state):
+def deflect_bristles(m, table, h, state):
     """Deflection of bristles in the stages of a step h; STAGE_H gets their force minus the stages'."""
-    apart()
+    no_inline()
     plan, w = m.plan, m.w
     for n in range(-frictions(m), 0):
         k = at(m, n)
         if w[k + MODE] == BENDING:
-            lugre.bend(table, h, w, k, law_at(m, n), state[memory_place(m, n)])
+            lugre.deflect(table, h, w, k, law_at(m, n), state[memory_place(m, n)])
             for i in range(3):
                 has = w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)]
                 w[plan[STAGE_H] + frictions(m) * (i + 1) + n] = has - w[k + NODES + 7 + 4 * i]
@@ -246,29 +246,29 @@ def bend(m, table, h, state):
 
 @of_holds(None)
 @njit(**OPTIONS)
-def bent_at_end(m, table, h, state):
+def finish_bristles(m, table, h, state):
     """Set the bristles' deflection at the end of a step h."""
-    apart()
+    no_inline()
     w = m.w
     for n in range(-frictions(m), 0):
         k = at(m, n)
         if w[k + MODE] == BENDING:
             for i in range(3 if m.acts[act_of(m, n), WHAT] == ALONG else 0):
                 w[k + FIRMEST] = larger(w[k + FIRMEST], w[k + NODES + 5 + 4 * i])
-            w[k + MEMORY] = lugre.bent_at_end(table, h, w, k, law_at(m, n), state[memory_place(m, n)])
+            w[k + MEMORY] = lugre.deflection_at_end(table, h, w, k, law_at(m, n), state[memory_place(m, n)])
 
 
 @of_holds(True)
 @njit(**OPTIONS)
 def restore_stuck(m, t, h, A):
     """Return sticking frictions to their positions and to zero speed, after a step of h; False: singular."""
-    apart()
+    no_inline()
     w, off, faster = m.w, False, False
     rows_of_frictions(m)
     for n in range(-frictions(m), 0):
         k = at(m, n)
         if w[k + MODE] == STICKING:
-            near = 4.0 * EPS * (abs(w[k + PLACE]) + extent(m, n))
+            near = 4.0 * EPS * (abs(w[k + PLACE]) + row_scale(m, n))
             off = off or abs(w[k + PLACE] - w[k + MEMORY]) > near
             faster = faster or abs(w[k + SLIP]) * h > near
     return (not off or correct_drift(m, t, A, 0)) and (not (off or faster) or correct_drift(m, t, A, 1))
@@ -280,7 +280,7 @@ def correct_drift(m, t, A, level):
 
     The correction is the least in the norm of the mass matrix, as by an impulse.
     """
-    apart()
+    no_inline()
     plan, w, moved = m.plan, m.w, m.u if level else m.y
     if not factorise_now(m, A):
         return False
