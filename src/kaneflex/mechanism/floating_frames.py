@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.numbers import SAME, mesh
 from kaneflex.mechanism.rigid_bodies import prescribed_bodies
-from kaneflex.support.kept import Kept
+from kaneflex.support.weak_cache import WeakCache
 
 if TYPE_CHECKING:
     from kaneflex.scene.bodies import Body
@@ -39,7 +39,7 @@ class Station:
     clamped: bool = False
 
 
-_STATIONS: Kept[NumericMechanism, dict[str, list[Station]]] = Kept()
+_STATIONS: WeakCache[NumericMechanism, dict[str, list[Station]]] = WeakCache()
 
 
 def stations(mechanism: NumericMechanism, link: str) -> list[Station]:

@@ -13,7 +13,7 @@ from kaneflex.mechanism.planar import BodyPoint, Number, Vector, quarter_turn
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 from kaneflex.scene.structure import share_structure
-from kaneflex.support.kept import Kept
+from kaneflex.support.weak_cache import WeakCache
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,7 +38,7 @@ def mechanism_of(scene: Scene) -> Any:
     return _MADE.of(scene, lambda: _made(scene))
 
 
-_MADE: Kept[Scene, Any] = Kept()
+_MADE: WeakCache[Scene, Any] = WeakCache()
 
 
 def same_mechanism(scene: Scene, like: Scene) -> bool:

@@ -25,13 +25,13 @@ from kaneflex.scene.plausible import stubby_links
 from kaneflex.solve.initial import start_coordinates
 from kaneflex.solve.run_result import natural_frequencies
 from kaneflex.solve.validity import foreseen
-from kaneflex.support.kept import Kept
+from kaneflex.support.weak_cache import WeakCache
 
 _MOST_INSTANTS = 20_000
 """Number of instants at which the stiffness is evaluated."""
 _MOST_NAMES = 12
 """Number of coordinates that fit into two lines of a terminal."""
-_CLOSINGS: Kept[Model, list[Closing]] = Kept()
+_CLOSINGS: WeakCache[Model, list[Closing]] = WeakCache()
 
 
 def description(model: Model) -> Blocks:

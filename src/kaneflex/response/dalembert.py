@@ -17,7 +17,7 @@ from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.time.sections import turn_in_space
 from kaneflex.response.momentum import MassIntegrals, Slices, rate_of_momentum
 from kaneflex.response.section_forces import LinkForces, carried, spread_loads
-from kaneflex.support.kept import Kept
+from kaneflex.support.weak_cache import WeakCache
 
 if TYPE_CHECKING:
     from kaneflex.multibody.time.sections import DeformingMotion
@@ -53,7 +53,7 @@ class ShapedMass:
         return np.vstack([q[j] * q[k], one, q]), np.vstack([rate, 0.0 * one, u]), np.vstack([accel, 0.0 * one, b])
 
 
-_MASSES: Kept[Any, dict[str, ShapedMass]] = Kept()
+_MASSES: WeakCache[Any, dict[str, ShapedMass]] = WeakCache()
 """System -> link -> its integrals."""
 
 

@@ -27,7 +27,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.response.deformation import Deformation, follow
 from kaneflex.response.reactions import Solver
-from kaneflex.support.kept import Kept
+from kaneflex.support.weak_cache import WeakCache
 
 _LEAST = 1e-11
 """Stiffness, as a share of each coordinate's own, that keeps undetermined motions small."""
@@ -101,7 +101,7 @@ class _Joined(NamedTuple):
     S: tuple[Affine, Affine, Affine]
 
 
-_JOINED: Kept[Frame, _Joined] = Kept()
+_JOINED: WeakCache[Frame, _Joined] = WeakCache()
 
 
 def _joined(model: Model) -> _Joined:

@@ -12,7 +12,7 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.scene.options import Options
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import MOST
-from kaneflex.support.kept import Kept
+from kaneflex.support.weak_cache import WeakCache
 
 
 class Statistics(NamedTuple):
@@ -94,7 +94,7 @@ def at_least(wanted: int, options: Options) -> str:
     return f"give solve.duration = {options.duration * MOST / wanted:.2g} s or less and more of solve.steps"
 
 
-_found: Kept[Model, list[str]] = Kept()
+_found: WeakCache[Model, list[str]] = WeakCache()
 
 
 def between_steps(model: Model) -> list[str]:

@@ -18,7 +18,7 @@ from kaneflex.scene.laws import Law
 from kaneflex.scene.parts import Joint, Load, Mass
 from kaneflex.scene.scene import Scene
 from kaneflex.support.contract import FORMAT
-from kaneflex.support.kept import Kept
+from kaneflex.support.weak_cache import WeakCache
 
 if TYPE_CHECKING:
     from kaneflex.scene.contacts import Contact
@@ -28,7 +28,7 @@ ANY = "*"
 """Mark of a number that is a parameter of the equations."""
 
 
-_HASHES: Kept[Scene, str] = Kept()
+_HASHES: WeakCache[Scene, str] = WeakCache()
 
 
 def structure_of(scene: Scene) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from kaneflex.solve.quasistatic import slow_state
 from kaneflex.solve.run_checks import check_laws, check_repeats
 from kaneflex.solve.run_result import RunResult
 from kaneflex.support.errors import SceneError
-from kaneflex.support.kept import Kept
+from kaneflex.support.weak_cache import WeakCache
 
 Share = Callable[[float], None]
 _POSITIONS = 200
@@ -130,7 +130,7 @@ def beginning(model: Model) -> State:
     return _BEGINNINGS.of(model, lambda: _beginning(model))
 
 
-_BEGINNINGS: Kept[Model, State] = Kept()
+_BEGINNINGS: WeakCache[Model, State] = WeakCache()
 
 
 def _beginning(model: Model) -> State:

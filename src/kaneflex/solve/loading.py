@@ -29,12 +29,12 @@ from kaneflex.scene.read import SceneLike, scene_from
 from kaneflex.solve.run_checks import MAX_STORED, check_laws, check_memory
 from kaneflex.support.arguments import takes
 from kaneflex.support.errors import counted
-from kaneflex.support.kept import Kept
 from kaneflex.support.terminal import compiled_by, silent
+from kaneflex.support.weak_cache import WeakCache
 
 Progress = Callable[[str], None]
 Share = Callable[[float], None]
-_INTEGRATED: Kept[Model, Model] = Kept()
+_INTEGRATED: WeakCache[Model, Model] = WeakCache()
 ONE_WAY = "{joints} moves as in the rigid mechanism: the deformation does not act back on its motion"
 """Note of every run with free joints."""
 

@@ -10,7 +10,7 @@ Owner = TypeVar("Owner")
 Made = TypeVar("Made")
 
 
-class Kept(Generic[Owner, Made]):
+class WeakCache(Generic[Owner, Made]):
     """Cache of one value per object, for the object's lifetime; objects need not be hashable."""
 
     def __init__(self) -> None:
