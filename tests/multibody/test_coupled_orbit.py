@@ -275,7 +275,7 @@ class Halving(Cycles):
     """P(x) = 1 + x / 2, which repeats at 2; ``tangent`` stands for dP/dx, and no cycle from beyond ``goes_on`` ends."""
 
     def __init__(self, tangent, goes_on=np.inf):
-        engine = SimpleNamespace(contacts=(), holds=())
+        engine = SimpleNamespace(contacts=(), frictions=())
         equations = SimpleNamespace(measure=np.ones(1), shapes=np.zeros(1, bool), engine=engine)
         super().__init__(equations, np.array([0.0, 1.0]), Method("radau", 0.0, 1.0))
         self.tangent, self.goes_on = tangent, goes_on

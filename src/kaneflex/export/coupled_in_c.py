@@ -210,7 +210,7 @@ def _without_scratch(start: Run) -> np.ndarray:
     engine.unfold(start.state[None])  # so that the bodies' axes are those of the start
     numbers = engine.tables.w.copy()
     for first, end in _SCRATCH:
-        numbers[plan[first] : plan[end] - at.CONTACT_SIZE * len(engine.holds) * (end == at.CONTACT)] = 0.0
+        numbers[plan[first] : plan[end] - at.CONTACT_SIZE * len(engine.frictions) * (end == at.CONTACT)] = 0.0
     for first, shape in (engine.views[name] for name in _FILLED):
         numbers[first : first + np.prod(shape, dtype=int)] = 0.0
     return numbers

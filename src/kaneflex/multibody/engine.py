@@ -40,7 +40,7 @@ class Library(NamedTuple):
 def library(kind: Kind, integrates: bool = True) -> Library:
     """C functions of all entries by name, all compiled on the first call.
 
-    Libraries of mechanisms with contacts, impacts, holds, elastic bodies in space or discontinuous loads have more
+    Libraries of mechanisms with contacts, impacts, friction, elastic bodies in space or discontinuous loads have more
     functions. Of rigid bodies in space without ``integrates`` they are fewer, and compile faster.
     """
     integrates = integrates or kind is not Kind.RIGID_SPACE
@@ -224,7 +224,7 @@ class Engine(Views):
         plan[at.LED] = self.parts["frames"][led, JOINT_NODE] if led < len(self._last_columns) else len(nodes)
         speeds = np.flatnonzero(choice.virtual_inertia)
         plan[[at.VIRTUAL, at.YIELDING]] = len(speeds)
-        plan[plan[at.TOUCHING] : plan[at.TOUCHING] + len(speeds)] = speeds
+        plan[plan[at.FACTOR_ROWS] : plan[at.FACTOR_ROWS] + len(speeds)] = speeds
         self.work.virtual_inertia[:], self.work.now[2] = choice.virtual_inertia, len(choice.independent)
         self.chosen[0] = choice
 
@@ -283,7 +283,7 @@ class Engine(Views):
         others.
         """
         out, done = np.zeros((len(rows), len(self.work.kept))), 0
-        shut = rows[:, self.columns["modes"]][:, at.MODE_SIZE * len(self.holds) :: at.MODE_SIZE] != at.OPEN
+        shut = rows[:, self.columns["modes"]][:, at.MODE_SIZE * len(self.frictions) :: at.MODE_SIZE] != at.OPEN
         ends = np.append(1 + np.flatnonzero((shut[1:] != shut[:-1]).any(axis=1)), len(rows))
         while done < len(rows):
             self.set_row(rows[done])  # resting contacts are kept closed

@@ -152,7 +152,7 @@ def _gaps(model: Model, system: System) -> list[float]:
         return [float(rigid[f"{name}.gap"][0]) for name in model.scene.contacts]
     (start,), engine = cast(Any, model.motion).states(system, np.zeros(1)), system.engine
     engine.set(start)
-    found = engine.instants(system.unfold(engine.row(start.t)[None])).touching[0, len(engine.holds) :, 0]
+    found = engine.instants(system.unfold(engine.row(start.t)[None])).touching[0, len(engine.frictions) :, 0]
     return list(found[: len(model.scene.contacts)].tolist())
 
 

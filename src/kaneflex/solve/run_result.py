@@ -285,7 +285,7 @@ def nominal_seconds(solution: RunResult) -> float:
     if model.coupled is not None:
         engine, tried = model.coupled.engine, getattr(run, "steps", 0) + getattr(run, "rejected", 0)
         # the tangent of a cycle with contacts or friction takes four cycles per freedom
-        differs = model.options.start == "periodic" and len(engine.contacts) + len(engine.holds) > 0
+        differs = model.options.start == "periodic" and len(engine.contacts) + len(engine.frictions) > 0
         return _OF_A_STEP * tried * engine.size * (1 + 4 * model.solved_for * differs)
     if not isinstance(run, Trajectory):
         speeds = model.coupled_system.engine.size

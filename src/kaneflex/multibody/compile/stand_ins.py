@@ -1,4 +1,4 @@
-"""Functions compiled only for mechanisms with contacts, holds or stiffness, and their stand-ins elsewhere."""
+"""Functions compiled only for mechanisms with contacts, friction or stiffness, and their stand-ins elsewhere."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kaneflex.multibody.compile.mechanisms import HANDED
 from kaneflex.multibody.model.layout import Kind
 
 
-def _where(kinds, otherwise):
+def _compiled_for(kinds, otherwise):
     mechanisms = [HANDED[kind] for kind in kinds]
 
     def of(function):
@@ -42,19 +42,19 @@ def _where(kinds, otherwise):
     return of
 
 
-_WITH_IMPACTS = Kind.IMPACTS, Kind.HOLDS, Kind.IMPACT_SPACE
-_WITH_CONTACTS = Kind.CONTACTS, Kind.CONTACT_SPACE, Kind.HOLD_SPACE, *_WITH_IMPACTS
-of_contacts = partial(_where, _WITH_CONTACTS)
+_WITH_IMPACTS = Kind.IMPACTS, Kind.FRICTIONS, Kind.IMPACT_SPACE
+_WITH_CONTACTS = Kind.CONTACTS, Kind.CONTACT_SPACE, Kind.FRICTION_SPACE, *_WITH_IMPACTS
+if_contacts = partial(_compiled_for, _WITH_CONTACTS)
 """Decorator, above numba's: the function is compiled for mechanisms with contacts, and returns this constant elsewhere.
 
 Most mechanisms have no contacts and save a third of the compilation."""
-of_changes = partial(_where, (*_WITH_CONTACTS, Kind.SWITCHED_SPACE))
-"""As ``of_contacts``, for mechanisms with contacts or discontinuous loads, in the plane and in space."""
-of_impacts = partial(_where, _WITH_IMPACTS)
-"""As ``of_contacts``, for mechanisms with contacts by Newton's law, and planar ones with holds."""
-of_holds = partial(_where, (Kind.HOLDS, Kind.HOLD_SPACE, Kind.IMPACT_SPACE))
-"""As ``of_contacts``, for mechanisms with holds."""
-of_modes = partial(_where, (*_WITH_IMPACTS, Kind.HOLD_SPACE))
-"""As ``of_contacts``, for mechanisms with holds, or with contacts by Newton's law."""
-of_stiffness = partial(_where, (Kind.PLAIN, *_WITH_CONTACTS, Kind.SPACE, Kind.SWITCHED_SPACE))
-"""As ``of_contacts``, for mechanisms with elastic bodies, or springs and loads that need derivatives."""
+if_changes = partial(_compiled_for, (*_WITH_CONTACTS, Kind.SWITCHED_SPACE))
+"""As ``if_contacts``, for mechanisms with contacts or discontinuous loads, in the plane and in space."""
+if_impacts = partial(_compiled_for, _WITH_IMPACTS)
+"""As ``if_contacts``, for mechanisms with contacts by Newton's law, and planar ones with friction."""
+if_frictions = partial(_compiled_for, (Kind.FRICTIONS, Kind.FRICTION_SPACE, Kind.IMPACT_SPACE))
+"""As ``if_contacts``, for mechanisms with friction."""
+if_modes = partial(_compiled_for, (*_WITH_IMPACTS, Kind.FRICTION_SPACE))
+"""As ``if_contacts``, for mechanisms with friction, or with contacts by Newton's law."""
+if_stiffness = partial(_compiled_for, (Kind.PLAIN, *_WITH_CONTACTS, Kind.SPACE, Kind.SWITCHED_SPACE))
+"""As ``if_contacts``, for mechanisms with elastic bodies, or springs and loads that need derivatives."""

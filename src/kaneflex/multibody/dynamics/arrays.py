@@ -149,7 +149,7 @@ class Work(Instants):
     kept : ndarray
         All that is stored of an instant.
     rows : ndarray (n_rows, 3 + 2 d)
-        Of the cuts, see ``kaneflex.generated.spatial``; in the plane also of holds and contacts.
+        Of the cuts, see ``kaneflex.generated.spatial``; in the plane also of frictions and contacts.
     y : ndarray (s,)
         Coordinates whose rates are the speeds: of a ball its rotation vector from the axes of its quaternion.
     J : ndarray (n_rows, s)

@@ -11,7 +11,7 @@ from kaneflex.multibody.model.layout import (
     COURSE,
     COURSES,
     DRIVES,
-    HOLDS,
+    FRICTIONS,
     INPUT,
     LOADS,
     PRESCRIBED,
@@ -24,7 +24,7 @@ from kaneflex.multibody.model.layout import (
 def courses(m):
     """Number of drives with a prescribed course."""
     plan = m.plan
-    acting = plan[SPRINGS] - plan[LOADS] + plan[DRIVES] - plan[HOLDS] + plan[ACTS] - plan[CONTACTS]
+    acting = plan[SPRINGS] - plan[LOADS] + plan[DRIVES] - plan[FRICTIONS] + plan[ACTS] - plan[CONTACTS]
     return plan[WORKS] - 1 - acting
 
 

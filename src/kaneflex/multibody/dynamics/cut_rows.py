@@ -6,7 +6,7 @@ from numba import njit
 
 from kaneflex.generated import joints as planar_laws
 from kaneflex.generated import spatial as laws
-from kaneflex.multibody.compile.stand_ins import of_impacts
+from kaneflex.multibody.compile.stand_ins import if_impacts
 from kaneflex.multibody.compile.types import OPTIONS, no_inline
 from kaneflex.multibody.compile.values import by_size, numbers_of, row_length
 from kaneflex.multibody.model import layout as of
@@ -21,7 +21,7 @@ def cut_rows(m):
     their courses."""
     no_inline()
     plan, w, acts, sections, rows = m.plan, m.w, m.acts, m.sections, m.rows
-    for n in range(plan[of.CUTS], plan[of.HOLDS]):
+    for n in range(plan[of.CUTS], plan[of.FRICTIONS]):
         kind, one, two, j = acts[n, of.WHAT], acts[n, of.AT], acts[n, of.ON], acts[n, of.NUMBERS_AT]
         k = row_length(m) * acts[n, of.ROW_AT]
         if kind == of.REVOLUTE:
@@ -47,7 +47,7 @@ def cut_rows(m):
 def _cut_rows_in_space(m):
     no_inline()
     sections, axes, out = m.sections, numbers_of(m.axes), m.rows
-    for c in range(m.plan[of.CUTS], m.plan[of.HOLDS]):
+    for c in range(m.plan[of.CUTS], m.plan[of.FRICTIONS]):
         what, one, two, n = m.acts[c, of.WHAT], m.acts[c, of.AT], m.acts[c, of.ON], row_length(m) * m.acts[c, of.ROW_AT]
         axis = m.acts[c, of.NUMBERS_AT]
         if what == COINCIDE:
@@ -72,7 +72,7 @@ def is_kept(m, row):
     return False
 
 
-@of_impacts(False)
+@if_impacts(False)
 @njit(**OPTIONS)
 def left_out(m, n):
     """True if a contact at rest is no kept row: it is redundant, or modes are decided."""

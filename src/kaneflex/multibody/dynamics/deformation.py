@@ -10,7 +10,7 @@ from numba import njit
 
 from kaneflex.generated import shapes
 from kaneflex.generated import spatial_shapes as laws
-from kaneflex.multibody.compile.stand_ins import of_stiffness
+from kaneflex.multibody.compile.stand_ins import if_stiffness
 from kaneflex.multibody.compile.types import OPTIONS, no_inline
 from kaneflex.multibody.compile.values import after, by_size, numbers_of, width
 from kaneflex.multibody.dynamics.algebra import axpy, first, joined, last, plus, scaled, twist_at
@@ -110,7 +110,7 @@ displace = by_size(displace, _displace_in_space)
 bias_acceleration = by_size(bias_acceleration, _bias_acceleration_in_space)
 
 
-@of_stiffness(None)
+@if_stiffness(None)
 @njit(**OPTIONS)
 def deform(m):
     """Displacements and rotations of all sections that shapes move, and their twists for a unit of every shape."""

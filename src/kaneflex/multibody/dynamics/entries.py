@@ -9,7 +9,7 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.stand_ins import of_changes
+from kaneflex.multibody.compile.stand_ins import if_changes
 from kaneflex.multibody.compile.types import ENTRY, OPTIONS, kernel, larger, no_inline, shifted
 from kaneflex.multibody.compile.values import after, copy, row_length
 from kaneflex.multibody.dynamics import loop_closure, reduction
@@ -128,7 +128,7 @@ def _project(m, t):
     return DONE
 
 
-@of_changes(0)
+@if_changes(0)
 @njit(**OPTIONS)
 def _decide(m, t):
     """Project again, after :func:`_project`, if discontinuous loads are on other sides of their jumps, and find the

@@ -17,12 +17,12 @@ from kaneflex.multibody.model.layout import (
     BENDS,
     COORDINATES,
     DEPENDENT,
+    FACTOR_ROWS,
     KEPT,
     LED,
     LOOP_PIVOTS,
     REACTIONS,
     ROW_OF,
-    TOUCHING,
     VIRTUAL,
     YIELDING,
 )  # fmt: skip
@@ -65,7 +65,7 @@ def change(m, row, level, virtual, rests):
     for s in range(plan[COORDINATES]):
         free += level[s] < PRESCRIBED and not is_dependent(m, s)
         if virtual[s] > 0.0:
-            m.virtual_inertia[s], m.pivots[plan[TOUCHING] + inert] = virtual[s], s
+            m.virtual_inertia[s], m.pivots[plan[FACTOR_ROWS] + inert] = virtual[s], s
             inert += 1
     if inert > 0:
         m.pivots[VIRTUAL] = m.pivots[YIELDING] = inert

@@ -5,7 +5,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import joints as laws
-from kaneflex.multibody.compile.stand_ins import of_changes
+from kaneflex.multibody.compile.stand_ins import if_changes
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.unilateral import rows
 from kaneflex.multibody.compile.types import OPTIONS, kernel, no_inline
@@ -48,7 +48,7 @@ def load_sizes(m, t):
         m.sizes[k] += w[plan[INPUT] + k]
 
 
-@of_changes(None)
+@if_changes(None)
 @njit(**OPTIONS)
 def take_sides(m):
     """Select the branch of discontinuous laws by the side of zero of their switching arguments."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.model.codes import OF_SHAPE
-from kaneflex.multibody.compile.stand_ins import of_impacts
+from kaneflex.multibody.compile.stand_ins import if_impacts
 from kaneflex.multibody.compile.values import row_length
 from kaneflex.multibody.dynamics.courses import prescribe
 from kaneflex.multibody.dynamics.cut_rows import cut_rows
@@ -15,8 +15,8 @@ from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_condition import is_dependent, pushes
 from kaneflex.multibody.compile.types import ENTRY, OPTIONS, larger, no_inline, shifted
 from kaneflex.multibody.model.layout import (
-    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT_OF, CUT_ROWS, EXTENT, GRADIENT, HOLDS, JOINT_ROWS, KEPT, MEASURE,
-    MODE, OPEN, REACTIONS, RESTED, ROW_OF, SHUT, TOUCH,
+    CHANGE_POINT, CONTACTS, COORDINATES, CROSSING, CUT_OF, CUT_ROWS, EXTENT, FRICTIONS, GRADIENT, JOINT_ROWS, KEPT,
+    MEASURE, MODE, OPEN, REACTIONS, RESTED, ROW_OF, SHUT, TOUCH,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import at, contacts, is_at_rest, is_rigid
 
@@ -35,7 +35,7 @@ def is_constraint(m, row):
     """True if a row is a constraint now: of a cut joint, or of a contact at rest under Newton's law."""
     no_inline()
     act = m.plan[m.plan[CUT_OF] + row]
-    return act < m.plan[HOLDS] or (act >= m.plan[CONTACTS] and is_at_rest(m, act - m.plan[CONTACTS]))
+    return act < m.plan[FRICTIONS] or (act >= m.plan[CONTACTS] and is_at_rest(m, act - m.plan[CONTACTS]))
 
 
 @njit(**OPTIONS)
@@ -62,7 +62,7 @@ def openings(m, t, out):
         out[row] = m.rows[row_length(m) * row] if is_constraint(m, row) else 0.0
 
 
-@of_impacts(None)
+@if_impacts(None)
 @njit(**OPTIONS)
 def _shut(m):
     """Note which contacts dependent coordinates keep closed."""

@@ -12,7 +12,7 @@ from numba import njit
 from kaneflex.generated import joints as planar
 from kaneflex.generated import shapes as planar_shapes
 from kaneflex.generated import spatial, spatial_shapes
-from kaneflex.multibody.compile.stand_ins import of_stiffness
+from kaneflex.multibody.compile.stand_ins import if_stiffness
 from kaneflex.multibody.compile.types import OPTIONS, no_inline
 from kaneflex.multibody.compile.values import after, by_size, twists, width
 from kaneflex.multibody.dynamics.algebra import (
@@ -62,7 +62,7 @@ def _own_demand(m, n):
         _demand_of_shapes(m, n)
 
 
-@of_stiffness(None)
+@if_stiffness(None)
 @njit(**OPTIONS)
 def _demand_of_shapes(m, n):
     own, i, x = m.nodes[n, BODY] + RIGID_PLANAR, m.nodes[n, SPEED], m.x
@@ -79,7 +79,7 @@ def _own_demand_in_space(m, n):
         _demand_of_shapes_in_space(m, n)
 
 
-@of_stiffness(None)
+@if_stiffness(None)
 @njit(**OPTIONS)
 def _demand_of_shapes_in_space(m, n):
     own, i, x = m.nodes[n, BODY] + RIGID, m.nodes[n, SPEED], m.x
@@ -165,7 +165,7 @@ def _rigid_inertia_in_space(m, n):
     spatial.inertia(m.block, m.nodes[n, BODY], m.x, 0)
 
 
-@of_stiffness(None)
+@if_stiffness(None)
 @njit(**OPTIONS)
 def _inertia_of_shapes(m, n):
     _add_shapes(m, n, m.nodes[n, COUNT], m.nodes[n, SPEED])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.stand_ins import of_stiffness
+from kaneflex.multibody.compile.stand_ins import if_stiffness
 from kaneflex.multibody.compile.values import inline, row_length, twists, vectors
 from kaneflex.multibody.dynamics.algebra import (
     axpy,
@@ -145,7 +145,7 @@ def accelerate(m, first_node):
             motion[1] = rate_at(m.rate[on], m.twist[on], minus(section_place(m, n), m.r[on]))
 
 
-@of_stiffness(6 * (0.0,))
+@if_stiffness(6 * (0.0,))
 @njit(**OPTIONS)
 def _by_shapes(m, n):
     """Acceleration of a section relative to its body's axes, or of axes relative to the section of their joint."""

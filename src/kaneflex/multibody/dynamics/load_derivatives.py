@@ -16,7 +16,7 @@ from __future__ import annotations  # noqa: I001, names of the tables' places st
 from numba import njit
 
 from kaneflex.multibody.model.codes import DAMPED, STIFF
-from kaneflex.multibody.compile.stand_ins import of_stiffness
+from kaneflex.multibody.compile.stand_ins import if_stiffness
 from kaneflex.multibody.compile.values import twists
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import factors
@@ -103,7 +103,7 @@ def _fill_ways(m):
         leave_out(m, _way(m, act))
 
 
-@of_stiffness(None)
+@if_stiffness(None)
 @njit(**OPTIONS)
 def find(m, t, h, state):
     """Find all loads and springs with slopes for the factors of a step of h; t and positions are of its middle."""
@@ -149,7 +149,7 @@ def _column(m, r):
     return m.plan[SLOPE_COLUMNS] + (m.plan[COORDINATES] + m.plan[KEPT] + m.pivots[YIELDING]) * r
 
 
-@of_stiffness(True)
+@if_stiffness(True)
 @njit(**OPTIONS)
 def factorise(m, h, A, pivots, own):
     """Add the slopes to the factors of ``loop_factors`` for h; False: the matrix is singular.
@@ -175,7 +175,7 @@ def factorise(m, h, A, pivots, own):
     return dense_lu.factorise(A, plan[SLOPE_SQUARE], count, m.pivots, own)
 
 
-@of_stiffness(0.0)
+@if_stiffness(0.0)
 @njit(**OPTIONS)
 def needed_slopes(m, h, A):
     """DAMPED if Newton's iteration needs the slopes by speeds, STIFF if only those by coordinates, else 0."""
@@ -189,7 +189,7 @@ def needed_slopes(m, h, A):
     return found
 
 
-@of_stiffness(None)
+@if_stiffness(None)
 @njit(**OPTIONS)
 def correct(m, h, A, own):
     """Correct the solution of ``solve_closed``, reactions included, by the slopes."""
@@ -206,7 +206,7 @@ def correct(m, h, A, own):
             A[plan[REACTION] + r] += A[_column(m, q) + n + r] * A[x + q]
 
 
-@of_stiffness(None)
+@if_stiffness(None)
 @njit(**OPTIONS)
 def resist_defect(m, h, defect, A, answer):
     """Add the effect of the slopes on a defect to the forces: see ``collocation._error``."""

@@ -17,7 +17,7 @@ from kaneflex.multibody.dynamics.interactions import gradient
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed, solve_closed
 from kaneflex.support.inner import once
 from kaneflex.multibody.compile.values import copy, row_length
-from kaneflex.multibody.compile.stand_ins import of_modes
+from kaneflex.multibody.compile.stand_ins import if_modes
 from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted
 from kaneflex.multibody.model.layout import (
     BENDS, CHANGE_POINT, COLUMNS, COORDINATES, CROSSING, DEPENDENT, GRADIENT, KEPT, LED, LOOP, LOOP_PIVOTS, MEASURE,
@@ -252,7 +252,7 @@ def move_closed(m, t):
     cut_rows(m)
 
 
-@of_modes(None)
+@if_modes(None)
 @njit(**OPTIONS)
 def rows_of_frictions(m):
     """Rows of the contacts and frictions at the current state."""

@@ -10,7 +10,7 @@ from numba import njit
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.unilateral import factors
 from kaneflex.multibody.unilateral.rows import is_rigid
-from kaneflex.multibody.compile.stand_ins import of_impacts
+from kaneflex.multibody.compile.stand_ins import if_impacts
 from kaneflex.multibody.compile.values import row_length, twists, width
 from kaneflex.multibody.dynamics.algebra import dot, scaled
 from kaneflex.multibody.dynamics.articulated import factorise, solve
@@ -19,7 +19,7 @@ from kaneflex.multibody.dynamics.tree import (
 )  # fmt: skip
 from kaneflex.multibody.compile.types import OPTIONS, no_inline, shifted
 from kaneflex.multibody.model.layout import (
-    AT, COLUMNS, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, ON, REACTION, ROW_OF, SCHUR, TOUCHING,
+    AT, COLUMNS, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, FACTOR_ROWS, KEPT, MIDDLE_CUT, ON, REACTION, ROW_OF, SCHUR,
     VIRTUAL, YIELDING,
 )  # fmt: skip
 
@@ -36,7 +36,7 @@ def add_unit_reaction(m, t, r):
     for side in range(2):
         add_force(m, t, m.acts[cut, AT + side], twists(m, shifted(m.w, k))[side])
         if n:
-            friction = scaled(factors.force_by_reaction(m, n, r), twists(m, shifted(m.w, hold_row(m, n)))[side])
+            friction = scaled(factors.force_by_reaction(m, n, r), twists(m, shifted(m.w, row_jacobian(m, n)))[side])
             add_force(m, t, m.acts[m.plan[DRIVES] + n, AT + side], friction)
 
 
@@ -88,12 +88,12 @@ def factorise_closed(m, h, A, pivots):
     return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
 
 
-@of_impacts(False)
+@if_impacts(False)
 @njit(**OPTIONS)
 def _is_shared(m):
     """True if the factors contain rigid contacts that are no kept rows: then all contacts at rest are compliant."""
     for r in range(m.plan[VIRTUAL], m.pivots[YIELDING]):
-        n = m.pivots[m.plan[TOUCHING] + r]
+        n = m.pivots[m.plan[FACTOR_ROWS] + r]
         if n >= 0 and is_rigid(m, n):
             return True
     return False
@@ -122,11 +122,11 @@ def row_at(m, r):
         row = plan[plan[ROW_OF] + r]
         return plan[plan[CUT_OF] + row], place_of(m, MIDDLE_CUT) + row_length(m) * row + 3
     n = factors.row_in(m, r)
-    return factors.act_of(m, n), hold_row(m, n)
+    return factors.act_of(m, n), row_jacobian(m, n)
 
 
 @njit(**OPTIONS)
-def hold_row(m, n):
+def row_jacobian(m, n):
     """Place of the Jacobian of a contact or friction."""
     return place_of(m, MIDDLE_CUT) + row_length(m) * (m.plan[CUT_ROWS] + n) + 3
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import shapes, spatial_shapes
-from kaneflex.multibody.compile.stand_ins import of_stiffness
+from kaneflex.multibody.compile.stand_ins import if_stiffness
 from kaneflex.multibody.compile.values import after, by_size, twists, width
 from kaneflex.multibody.unilateral import frictions, rows
 from kaneflex.multibody.dynamics.algebra import dot, times
@@ -46,7 +46,7 @@ def _first_moments_in_space(m, n):
     return m.x[11], m.x[15], m.x[4]
 
 
-@of_stiffness(None)
+@if_stiffness(None)
 @njit(**OPTIONS)
 def _energies_of_shapes(m, n, twist):
     """Kinetic energy of a body's shapes, and with its motion, by its mass matrix at x; strain energy."""
@@ -122,7 +122,7 @@ def losses(m, out):
 
 @njit(**OPTIONS)
 def powers(m):
-    """Powers [W] at POWER, after :func:`demand`: dissipation without contacts and friction, loads, drives, holds,
+    """Powers [W] at POWER, after :func:`demand`: dissipation without contacts and friction, loads, drives, frictions,
     contacts."""
     no_inline()
     plan, w, acts = m.plan, m.w, m.acts

@@ -12,7 +12,7 @@ from collections import namedtuple
 
 from numba import njit
 
-from kaneflex.multibody.compile.stand_ins import of_stiffness
+from kaneflex.multibody.compile.stand_ins import if_stiffness
 from kaneflex.multibody.compile.types import IN_ORDER, OPTIONS, no_inline, shifted
 from kaneflex.multibody.compile.values import after, copy, inline, row_length, twists, vectors, width
 from kaneflex.multibody.dynamics.algebra import axpy, dot, force_at, minus, plus, scaled, times, twist_at, zero_like
@@ -41,8 +41,8 @@ from kaneflex.multibody.model.layout import (
     TREE_E,
     TREE_I,
     TREE_L,
-    TREE_ROOM,
     TREE_U,
+    TREE_WORK,
     TREE_X,
 )
 from kaneflex.multibody.model.tree_layout import COUNT, KIND, OWNER, ROW_OF, SPEED, STATION
@@ -62,7 +62,7 @@ def place_of(m, what):
 
 @njit(**OPTIONS)
 def _row_numbers(m):
-    """Count of the numbers of all rows: of cuts, holds, contacts and switches."""
+    """Count of the numbers of all rows: of cuts, frictions, contacts and switches."""
     return row_length(m) * (m.plan[of.CUT_ROWS] + m.plan[of.ACTS] - m.plan[of.CONTACTS])
 
 
@@ -110,7 +110,7 @@ def assemble(m):
     keep_rows(m)
 
 
-@of_stiffness(None)
+@if_stiffness(None)
 @njit(**OPTIONS)
 def _turn_shapes(m, node, phi):
     """Global twists of a section by shapes, relative to its body's node at the joint."""
@@ -125,7 +125,7 @@ def _turn_shapes(m, node, phi):
             out[j] = plus(out[j], twist_at(back[j], away))
 
 
-@of_stiffness(None)
+@if_stiffness(None)
 @njit(**IN_ORDER)
 def _move_inertia(m, b, back):
     """Move matrices I, E and L of a body from its axes to its joint's section; ``back``: the axes' twists by shapes,
@@ -169,7 +169,7 @@ def tree_arrays(m, A, y):
         twists(m, shifted(A, plan[TREE_E])), shifted(A, plan[TREE_L]), twists(m, shifted(A, plan[TREE_U])),
         shifted(A, plan[TREE_D]), twists(m, shifted(w, place_of(m, AXES))), twists(m, shifted(w, place_of(m, PHI))),
         vectors(shifted(w, place_of(m, PLACES))), vectors(shifted(w, place_of(m, ARMS))),
-        twists(m, shifted(A, plan[TREE_X])), shifted(A, y), twists(m, shifted(A, plan[TREE_ROOM])),
+        twists(m, shifted(A, plan[TREE_X])), shifted(A, y), twists(m, shifted(A, plan[TREE_WORK])),
     )  # fmt: skip
 
 

@@ -27,17 +27,7 @@ from kaneflex.multibody.model.shapes import Shapes
 from kaneflex.multibody.model.system import System, has_slopes
 from kaneflex.multibody.model.topology import build_tables
 from kaneflex.multibody.model.tree_builder import AnyMechanism, Numbers, TreeBuilder
-from kaneflex.multibody.model.tree_layout import (
-    BALL,
-    COORDINATE,
-    COUNT,
-    KIND,
-    ROW_OF,
-    SHIFT,
-    SPEED,
-    Flexible,
-    Place,
-)  # fmt: skip
+from kaneflex.multibody.model.tree_layout import BALL, COORDINATE, COUNT, KIND, ROW_OF, SHIFT, SPEED, Flexible, Place
 from kaneflex.scene import Scene
 from kaneflex.scene.options import limits_modes
 from kaneflex.support.errors import SceneError
@@ -132,10 +122,10 @@ def _kind(mechanism: AnyMechanism, switches: int, stiff: bool) -> Kind:
         if strikes:
             return Kind.IMPACT_SPACE
         if mechanism.frictions or mechanism.contacts:
-            return Kind.HOLD_SPACE if mechanism.frictions else Kind.CONTACT_SPACE
+            return Kind.FRICTION_SPACE if mechanism.frictions else Kind.CONTACT_SPACE
         return Kind.SWITCHED_SPACE if switches else Kind.SPACE if stiff else Kind.RIGID_SPACE
     if mechanism.frictions:
-        return Kind.HOLDS
+        return Kind.FRICTIONS
     if strikes:
         return Kind.IMPACTS
     return Kind.CONTACTS if mechanism.contacts or switches else Kind.PLAIN
@@ -196,9 +186,9 @@ class Counts:
 
     ``d``: numbers of a twist; ``coordinates``, ``positions``: speeds, and coordinates of a state, which have
     quaternions of balls; ``twists``: rows of phi; ``coupling``, ``square``: rows of E and numbers of L; ``ranges``:
-    first places in ``acts`` of cuts, holds, drives, loads, springs and contacts, the end, and the end of the forces and
-    moments of loads; ``touching``: contacts and switches; ``joint_rows``, ``cut_rows``, ``rows``: of the cuts, with
-    those of holds, and with contacts; ``virtual``: most coordinates with virtual inertia.
+    first places in ``acts`` of cuts, frictions, drives, loads, springs and contacts, the end, and the end of the forces
+    and moments of loads; ``touching``: contacts and switches; ``joint_rows``, ``cut_rows``, ``rows``: of the cuts, with
+    those of frictions, and with contacts; ``virtual``: most coordinates with virtual inertia.
     """
 
     def __init__(self, built: TreeBuilder, bodies: np.ndarray) -> None:
@@ -211,14 +201,14 @@ class Counts:
         self.coupling, self.square = sum(self.shapes), sum(count**2 for count in self.shapes)
         self.twists = sum(node[COUNT] for node in built.nodes if node[ROW_OF] >= 0)
         self.ranges = *built.ranges, len(built.acts)
-        _, self.holds, self.drives, self.loads, self.springs, self.touching, _ = np.diff(self.ranges).tolist()
+        _, self.frictions, self.drives, self.loads, self.springs, self.touching, _ = np.diff(self.ranges).tolist()
         self.pulls, self.courses, self.switches = self.loads + self.springs, len(built.driven), built.switches
         self.joint_rows = len(built.angles)
-        self.cut_rows = self.joint_rows + self.holds
+        self.cut_rows = self.joint_rows + self.frictions
         self.rows = self.cut_rows + self.touching
         rigid = any(contact.law == "newton" for contact in mechanism.contacts.values())
         self.reactions = self.cut_rows + self.touching * rigid
-        self.works = 1 + self.loads + self.courses + self.holds + self.touching
+        self.works = 1 + self.loads + self.courses + self.frictions + self.touching
         self.virtual = self.coordinates * built.is_light
 
 
@@ -231,24 +221,24 @@ def assign(c: Counts, driven: Sequence[int], numbers: Numbers) -> tuple[np.ndarr
     plan[[at.BODIES, at.COORDINATES, at.WORKS]] = c.bodies, c.coordinates, c.works
     plan[[at.REACTIONS, at.CUT_ROWS, at.JOINT_ROWS]] = c.reactions, c.cut_rows, c.joint_rows
     plan[at.RIGID] = c.reactions - c.cut_rows
-    plan[[at.CUTS, at.HOLDS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = c.ranges[:-1]
+    plan[[at.CUTS, at.FRICTIONS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = c.ranges[:-1]
     plan[[at.PUSHES, at.PUSHED]] = c.ranges[-2:]
     for what, count in _of_motion(c).items():
         plan[what] = numbers.room(count)
-    plan[at.CONTACT] += at.CONTACT_SIZE * c.holds
+    plan[at.CONTACT] += at.CONTACT_SIZE * c.frictions
     n, d, pulls, rows = c.coordinates, c.d, c.pulls, c.rows + c.virtual
     plan[at.MASS_ROWS] = rows
     size = _in_turn(plan, 0, {
         at.TREE_I: d * d * c.bodies, at.TREE_E: d * c.coupling, at.TREE_L: c.square, at.TREE_U: d * n, at.TREE_D: n,
-        at.TREE_X: d * c.bodies, at.TREE_ROOM: d * max(c.shapes, default=0), at.COLUMNS: (rows + 1) * n,
-        at.SCHUR: rows**2, at.REACTION: 2 * rows, at.WANTED: 2 * c.holds + c.touching,
+        at.TREE_X: d * c.bodies, at.TREE_WORK: d * max(c.shapes, default=0), at.COLUMNS: (rows + 1) * n,
+        at.SCHUR: rows**2, at.REACTION: 2 * rows, at.WANTED: 2 * c.frictions + c.touching,
         at.SLOPE_COLUMNS: (n + rows) * pulls,
         at.SLOPE_SQUARE: pulls**2, at.SLOPE_FORCES: pulls, at.GIVEN: n * c.in_space,
         at.GIVEN_REACTION: c.reactions * c.in_space,
     })  # fmt: skip
     of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.DEPENDENT), c.reactions)
     of_rows |= {at.FREED: n, at.PRESCRIBED: c.courses, at.MASS_PIVOTS: 3 * rows * c.in_space}
-    of_rows[at.TOUCHING] = c.touching + c.holds + c.virtual
+    of_rows[at.FACTOR_ROWS] = c.touching + c.frictions + c.virtual
     of_rows |= dict.fromkeys((at.PIVOTS, at.PAIR_PIVOTS, at.CUT_OF), rows)
     of_rows |= dict.fromkeys((at.WITH_SLOPES, at.SLOPE_PIVOTS, at.SLOPE_PAIR_PIVOTS), pulls)
     plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
@@ -269,7 +259,7 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
         "q": (c.positions,), "u": (s,), "du": (s,), "R": (n, 3, 3) if in_space else (n, 3), "r": (n, 3),
         **dict.fromkeys(("twist", "rate"), (n, d)), "exerted": (c.joints, d), "multipliers": (c.reactions,),
         "along": (s,), "springs": (c.springs, 5 + d // 3), "energies": (3,), "powers": (c.works,),
-        "touching": (c.holds + c.touching, at.RESULTS), "sizes": (c.loads,),
+        "touching": (c.frictions + c.touching, at.RESULTS), "sizes": (c.loads,),
     }  # fmt: skip
     views, first = Views(), numbers.size
     for each in fields(Instants):
@@ -298,7 +288,7 @@ def _views(c: Counts, plan: np.ndarray, size: int, numbers: Numbers) -> Views:
 
 
 def assign_rows(plan: np.ndarray, acts: np.ndarray) -> None:
-    """Set the interaction of every row: a cut or hold, then every contact."""
+    """Set the interaction of every row: a cut or friction, then every contact."""
     of_cuts = np.searchsorted(acts[: plan[at.DRIVES], at.ROW_AT], np.arange(plan[at.CUT_ROWS]), side="right") - 1
     found = np.concatenate([of_cuts, np.arange(plan[at.CONTACTS], plan[at.ACTS])])
     plan[plan[at.CUT_OF] : plan[at.CUT_OF] + len(found)] = found
@@ -318,11 +308,11 @@ def _of_motion(c: Counts) -> dict[int, int]:
         at.MIDDLE: 6 * sections, at.MIDDLE_CUT: c.row_size * c.rows, at.STAGE_A: 3 * n,
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * c.courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
-        at.STAGE_H: 3 * c.holds, at.RESISTING_R: 3 * reactions * c.in_space,
-        at.CONTACT: at.CONTACT_SIZE * (c.holds + c.touching),
+        at.STAGE_F: 3 * c.frictions, at.RESISTING_R: 3 * reactions * c.in_space,
+        at.CONTACT: at.CONTACT_SIZE * (c.frictions + c.touching),
         at.WAYS: n * (joints + pulls), at.SLOPES: 2 * (joints + 1) * pulls, at.VARIED: c.loads + 2 * c.switches,
         at.CROSSING: at.CHANGE_POINT + 3 * n + (3 + n) * reactions,
-        at.TOUCH: at.SHARED + n * (c.touching + c.holds),
+        at.TOUCH: at.SHARED + n * (c.touching + c.frictions),
         at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + c.touching) * (c.touching > 0),
     }  # fmt: skip
 

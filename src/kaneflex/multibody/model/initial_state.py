@@ -126,7 +126,7 @@ def start_of(system: System) -> State:
     SceneError
         If a loop can't close, drives contradict the loops, a freedom is not named, or has no inertia.
     """
-    if len(system.engine.holds):
+    if len(system.engine.frictions):
         return _in_loops(system)
     q = system.at_zero.copy()
     q[system.columns(system.driven, COORDINATE)] = system.courses(0.0)[:, 0]

@@ -1,4 +1,4 @@
-"""Table of interactions: cut joints, holds, drives, loads, springs and contacts, one per row."""
+"""Table of interactions: cut joints, frictions, drives, loads, springs and contacts, one per row."""
 
 from __future__ import annotations
 
@@ -11,13 +11,7 @@ from kaneflex.mechanism import contacts, friction
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialMechanism, across
 from kaneflex.multibody.model import layout as at
-from kaneflex.multibody.model.tree_builder import (
-    ORIGIN,
-    Row,
-    TreeBuilder,
-    side_of,
-    whole,
-)  # fmt: skip
+from kaneflex.multibody.model.tree_builder import ORIGIN, Row, TreeBuilder, side_of, whole
 
 _LOAD = (0, -1, -1, -1, -1, -1)
 """Row of a load, whose forces and moments have rows of their own."""
@@ -25,7 +19,7 @@ _LOAD = (0, -1, -1, -1, -1, -1)
 
 def list_acts(builder: TreeBuilder, in_laws: Sequence[str], rubs: bool) -> tuple[np.ndarray, tuple[int, ...]]:
     """Interactions (n_acts, 6), see ``acts`` in :mod:`kaneflex.multibody.model.layout`, and their ranges: first places
-    of cuts, holds, drives and joints in laws, loads, springs, and contacts and switches, and the end.
+    of cuts, frictions, drives and joints in laws, loads, springs, and contacts and switches, and the end.
 
     Forces and moments of loads follow. ``in_laws``: joints whose coordinates may occur in laws; ``rubs``: with
     friction.
@@ -44,10 +38,10 @@ def list_acts(builder: TreeBuilder, in_laws: Sequence[str], rubs: bool) -> tuple
     springs = _spring_acts(builder)
     row = len(builder.angles)
     others = len(builder.cuts) + len(drives) + len(loads) + len(springs)
-    holds = _hold_acts(builder, others) if rubs else []
-    touching = [*_contact_acts(builder, row + len(holds))]
+    frictions = _friction_acts(builder, others) if rubs else []
+    touching = [*_contact_acts(builder, row + len(frictions))]
     touching += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(builder.switches)]
-    parts: Sequence[Sequence[Row]] = (builder.cuts, holds, drives, loads, springs, touching)
+    parts: Sequence[Sequence[Row]] = (builder.cuts, frictions, drives, loads, springs, touching)
     ranges = tuple(np.cumsum([0, *map(len, parts)]).tolist())
     return whole([row for part in (*parts, _load_acts(builder)) for row in part], 6), ranges
 
@@ -57,7 +51,7 @@ def _sections(builder: TreeBuilder, of: Any) -> list[int]:
     return [builder.section(side_of(side)) for side in of.sides]
 
 
-def _hold_acts(builder: TreeBuilder, others: int) -> list[Row]:
+def _friction_acts(builder: TreeBuilder, others: int) -> list[Row]:
     """Rows of frictions, of joints and then of contacts; ``others``: number of interactions that are neither frictions
     nor contacts.
 

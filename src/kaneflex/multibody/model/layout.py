@@ -23,16 +23,16 @@ the body hangs on, or -1 where no shape moves it; first row in ``E``; place in `
 :mod:`kaneflex.multibody.dynamics.articulated`."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
 LAW = COURSE_AT
-"""Columns of ``acts`` (cuts, holds, drives, loads, springs, contacts): its kind; two sections, the first that of the
-ground for a force; a cut's course or -1, a drive's coordinate or -1, a load's number, the coordinate of a spring at a
-joint of the tree or -1, a contact's law; a cut's first row, a hold's or a contact's row, the section that turns a
+"""Columns of ``acts`` (cuts, frictions, drives, loads, springs, contacts): its kind; two sections, the first that of
+the ground for a force; a cut's course or -1, a drive's coordinate or -1, a load's number, the coordinate of a spring at
+a joint of the tree or -1, a contact's law; a cut's first row, a friction's or a contact's row, the section that turns a
 following force, in space the axis of a load or a spring; its numbers: a cut's direction and angle, a drive's or a
-load's direction, a spring's k, c, free length or angle, a contact's (:mod:`kaneflex.generated.contact`), a hold's
+load's direction, a spring's k, c, free length or angle, a contact's (:mod:`kaneflex.generated.contact`), a friction's
 (:mod:`kaneflex.multibody.unilateral.rows`). Forces and moments of loads follow, of which a distributed load has two."""
 
 WELD, REVOLUTE, PRISMATIC, TURN, SLIDE, ALONG, ACROSS = range(7)
 """Kinds of joints in the tree; cuts have the first three, and drives of cut joints TURN and SLIDE, as drives have;
-holds these two, or ALONG a contact's face, in space with a second row ACROSS the slip."""
+frictions these two, or ALONG a contact's face, in space with a second row ACROSS the slip."""
 FORCE_ALONG, FOLLOWER, STRAIGHT, BUSHING, ALONG_AXIS, TORQUE, TORSIONAL, ABOUT_AXIS = range(8)
 """Kinds of loads: along a global direction, along one that turns with a section, TORQUE between two sections; in space
 directions have the axes of bodies, and are all FORCE_ALONG. Kinds of springs: STRAIGHT and TORSIONAL, and six rows of a
@@ -51,44 +51,60 @@ MODE_SIZE = 2
 ABOVE, BELOW, STAYS = 1.0, -1.0, 0.0
 """MEMORY of a switch: the laws' side of zero, or that it stays at zero."""
 (
-    GAP, GAP_RATE, GAP_ACCEL, NORMAL, LIMIT, BEFORE, FIRMEST, FORCE, STORED,
-    MODE, MEMORY, DUE, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE,
-    BEGAN_X, BEGAN_Y, BEGAN_Z, NODES,
+    # Gap, or position of a friction [m or rad], with two rates.
+    GAP, GAP_RATE, GAP_ACCEL,
+    # Of friction: normal force, largest holding force, previous force, and largest g of bristles since the sides touch.
+    NORMAL, LIMIT, BEFORE, FIRMEST,
+    # Force and stored energy; mode, what belongs to it, and its change at the end of this step.
+    FORCE, STORED, MODE, MEMORY, DUE,
+    # Of a contact: error allowed in its gap, k and c of the factors, effective mass along its normal.
+    ALLOWED, STIFF, VISCOUS, RESISTING_MASS,
+    # Of the current impact: its time, approach speed, impulse, peak force, previous loss and place.
+    SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE, BEGAN_X, BEGAN_Y, BEGAN_Z,
+    # First number of the step's nodes: of a contact each has gap, rate, force and the force's sign.
+    NODES,
 ) = range(25)  # fmt: skip
-"""Numbers of a row: gap with two rates; normal force, largest holding force, previous force, and largest g of bristles
-since its sides touch, all of friction; force and stored energy; mode and what belongs to it; its change at the
-end of this step; of a contact the error allowed in its gap, k and c of the factors, the effective mass along its
-normal, and of the current impact its time, approach speed, impulse, peak force, previous loss and place; then a step's
-nodes."""
-OLD, NEW, STRUCK, ROUNDED, MAY, ALONE, BOUNCE, MET, STICKS, RESTED_BEFORE, QUIET, UNSURE = range(NODES + 8, NODES + 20)
+"""Numbers of a row."""
+(
+    # Rates before and after, impulse, rounding error of its rate, and 1 if its mode is to be found.
+    OLD, NEW, STRUCK, ROUNDED, MAY,
+    # Of a contact: acceleration without contacts, least rate after the impact, and 1 if it touches.
+    ALONE, BOUNCE, MET,
+    # 1 if it does not bounce, and if it was at rest; a negligible rate, and the rounding error of its acceleration.
+    STICKS, RESTED_BEFORE, QUIET, UNSURE,
+) = range(NODES + 8, NODES + 20)  # fmt: skip
+"""Numbers of a row at an impact, in place of its nodes."""
 MODE_BEFORE, MEMORY_BEFORE = STICKS, QUIET
-"""Numbers of a row at an impact, in place of its nodes: rates before and after, impulse, rounding error of its rate, 1
-if its mode is to be found; of a contact its acceleration without contacts, the least rate after the impact, 1 if it
-touches, if it does not bounce, and if it was at rest, a negligible rate, and the rounding error of its acceleration; of
-a friction mode and MEMORY before."""
+"""Numbers of a friction at an impact in place of these: its mode and MEMORY before."""
 PLACE, SLIP, SLIP_RATE = GAP, GAP_RATE, GAP_ACCEL
 BY_SPEED, DECAY, BY_PRESS, JAMS = ALLOWED, RESISTING_MASS, SINCE, APPROACH
 """Numbers of a friction in place of these: position along its row, speed and acceleration there; derivatives of the
 bristles' rate by speed, by deflection (negative) and by normal force; time when it first jammed. Of bristles a node has
 speed, g, deflection, force."""
-BORE = FIRMEST
+BREAKAWAY = FIRMEST
 """Numbers of sticking friction, which has no bristles: the force at which it slips."""
 RESULTS, FORCE_AT, STORED_AT = 7, 2, 4
 """Number of a row's results (:func:`kaneflex.multibody.unilateral.frictions.record`), and places of its force and its
 stored energy; its gap is the first one."""
 (
-    PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, IN_A_ROW, HELD, RESTED, TRIES, AIM,
+    # Error allowed in a gap as a share of its depth, size of the mechanism [m], step [s] before contacts closed.
+    PRECISION, EXTENT, FLIGHT,
+    # A change in search: steps before and after it, the next trial, its contact and kind.
+    LOW, HIGH, TRIAL, TARGET, FOUND_AT,
+    # Time of the last change, and number of changes at that instant.
+    LAST_CHANGE, IN_A_ROW,
+    # One more than the number of a switch that its load's law would hold at zero; 1 if other contacts rest than before.
+    HELD, RESTED,
+    # Number of searches for a change; predicted step [s] to the next contact of rigid sides.
+    TRIES, AIM,
+    # First of the rows' gradients.
     SHARED,
 ) = range(15)  # fmt: skip
-"""Numbers that contacts share: the error allowed in a gap as a share of its depth, the size of the mechanism [m], the
-step [s] before they closed; a change in search: steps before and after it, the next trial, its contact and kind;
-time of the last one, and their number at one instant; one more than the number of a switch that its load's law
-would hold at zero; 1 if other contacts rest than before; number of searches for a change; the predicted step [s] to
-the next contact of rigid sides; then every contact's gradient."""
+"""Numbers that all contacts share."""
 AXIS_AT, COORDINATE_AT = 8, 9
 """Numbers of a contact in space after those of its law: the axis along which it pushes, and for flanks the coordinate
 of their joint."""
-ROOM, LARGEST = STIFF, ALLOWED
+ZERO_BAND, LARGEST = STIFF, ALLOWED
 """Numbers of a switch: tolerance of zero, and its largest distance from zero."""
 SHUT, SHIFT = STIFF, VISCOUS
 """Numbers of a contact by Newton's law: 1 if dependent coordinates keep it closed; shift of its gap after a separation
@@ -103,44 +119,77 @@ energy lost, x, y and z of its begin; number of impacts after which Python must 
 them."""
 
 (
-    BODIES, COORDINATES, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED, VIRTUAL,
-    CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING, SLOPED, PASSING, BY_FORCES,
-    Y, RATE, ACCEL, COURSE, X, SIZE, SPRING, SUMS, NOW, DEMAND, POWER,
-    MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
-    GRADIENT, LOOP, SIDE, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
-    CONTACT, TOUCH, CROSSING, IMPACTS, DECIDES, TOUCHING,
-    INERTIAS, COUPLINGS, MASSES, AXES, PHI, PLACES, ARMS, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C,
-    STAGE_H, LAST_A, LAST_R, RESISTING, WAYS, SLOPES, VARIED, TREE_I, TREE_E, TREE_L, TREE_U, TREE_D, TREE_X,
-    TREE_ROOM, COLUMNS, SCHUR, REACTION, WANTED, SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES, FREED, PIVOTS, PAIR_PIVOTS,
-    WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS, PRESCRIBED, RESISTING_R, GIVEN, GIVEN_REACTION, MASS_PIVOTS,
-    MASS_ROWS, PUSHES, PUSHED, PLAN,
+    # Counts: bodies, coordinates, reactions (of the cuts, then of contacts), rows of cuts and frictions, rows of cuts.
+    BODIES, COORDINATES, REACTIONS, CUT_ROWS, JOINT_ROWS,
+    # Contacts with reactions (all if some are by Newton's law), works, kept rows.
+    RIGID, WORKS, KEPT,
+    # 1 if shapes are among the dependent coordinates; number of nodes, the first ones, that no dependent one moves.
+    BENDS, LED,
+    # Number of coordinates with virtual inertia, each a row of the factors.
+    VIRTUAL,
+    # First places in ``acts``, and the end.
+    CUTS, FRICTIONS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS,
+    # Counted by compiled code: rows of the factors beside the kept ones, and loads and springs with slopes there.
+    YIELDING, SLOPED,
+    # 1 if the step is near a change point; 1 if the residuals of the stages are forces, 0 if accelerations, in space.
+    PASSING, BY_FORCES,
+    # Places in ``w``. Motion: coordinates, rates, accelerations.
+    Y, RATE, ACCEL,
+    # Courses; drives' coordinates and two rates, then sides of switches; loads' sizes, springs, sums of a cut's row.
+    COURSE, X, SIZE, SPRING, SUMS,
+    # Reactions, residuals of coordinates, powers.
+    NOW, DEMAND, POWER,
+    # Unit of every coordinate; errors allowed in it, its rate and its acceleration.
+    MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE,
+    # Additions to the loads' sizes, then to prescribed accelerations.
+    INPUT,
+    # Gradient of the kept rows, its dependent square, their right-hand side.
+    GRADIENT, LOOP, SIDE,
+    # Places in ``plan``: pivots of that square, number of every kept row, cut or contact of every row, dependent
+    # coordinate of every kept row.
+    LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
+    # Places in ``w``: contacts, after the frictions' numbers; shared numbers of contacts; of change points; impacts.
+    CONTACT, TOUCH, CROSSING, IMPACTS,
+    # What rigid contacts exert now (``codes.NOTHING`` and others).
+    DECIDES,
+    # Place in ``plan``: coordinates with virtual inertia, then contacts and frictions (below zero) in the factors.
+    FACTOR_ROWS,
+    # Places in ``w``, of the middle of a step: matrices I, E and L of the bodies at their inboard sections.
+    INERTIAS, COUPLINGS, MASSES,
+    # Axes of joints, twists of sections by shapes, places and arms of bodies (:mod:`kaneflex.multibody.dynamics.tree`).
+    AXES, PHI, PLACES, ARMS,
+    # Arms of sections, and of cut rows.
+    MIDDLE, MIDDLE_CUT,
+    # Of the stages: accelerations, reactions, powers, rates of courses, accelerations of frictions.
+    STAGE_A, STAGE_R, STAGE_P, STAGE_C, STAGE_F,
+    # Accelerations and reactions of the last step; residuals of the stages.
+    LAST_A, LAST_R, RESISTING,
+    # Gradients of joints' coordinates and springs, and partial velocities of loads; slopes of loads and springs; sizes
+    # of loads elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`).
+    WAYS, SLOPES, VARIED,
+    # Places in factors: I, E, L, U and D of the tree, twists of its bodies, working space.
+    TREE_I, TREE_E, TREE_L, TREE_U, TREE_D, TREE_X, TREE_WORK,
+    # Coordinates by unit reactions of the kept rows, and in the row after these the solution.
+    COLUMNS,
+    # The reactions' effect on the rows; reactions; required accelerations of frictions.
+    SCHUR, REACTION, WANTED,
+    # Responses to a unit of each load and spring with slopes, their matrix, their forces.
+    SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES,
+    # Places in ``plan``: 1 for every coordinate that no course prescribes; pivots of either factors.
+    FREED, PIVOTS, PAIR_PIVOTS,
+    # Loads and springs with slopes, and the pivots of their matrices.
+    WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS,
+    # Coordinate that each course prescribes, -1 if it is that of a cut.
+    PRESCRIBED,
+    # In space: place in ``w`` of residuals of the stages as reactions; places in factors of accelerations and reactions
+    # given for the right-hand side; place in ``plan`` of pivots of the stages' mass matrices, and number of their rows.
+    RESISTING_R, GIVEN, GIVEN_REACTION, MASS_PIVOTS, MASS_ROWS,
+    # Forces and moments of loads in ``acts``: the first one, and their end.
+    PUSHES, PUSHED,
+    # Number of places.
+    PLAN,
 ) = range(100)  # fmt: skip
-"""Places of ``plan``. Counts: bodies, coordinates, reactions (of rows of the cuts, then of
-contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all if some are by Newton's law),
-works, kept rows; 1 if shapes are among the dependent coordinates; number of nodes, the first ones, that no dependent
-coordinate moves; number of coordinates with virtual inertia, each a row of the factors. First places in ``acts`` of
-cuts, holds, drives, loads, springs and contacts, and the end; numbers of rows of the next factors beside the kept ones,
-and of loads and springs there, counted by compiled code; 1 if the step is near a change point. Places in ``w``: the
-motion (coordinates, rates, accelerations), sections, cut rows, courses, drives' coordinates and rates, loads' sizes,
-springs, sums, reactions of the cuts, residuals of coordinates, powers. Unit of every coordinate, the errors allowed in
-it, its rate and its acceleration; additions to the loads' sizes, then to prescribed accelerations; the gradient of the
-kept rows, its dependent square, their right-hand side. Places in ``plan`` itself: that square's pivots, of every kept
-row its number, of every row its cut or contact, of every kept row its dependent coordinate. In ``w`` again: contacts,
-preceded by the holds' numbers, shared numbers of contacts, numbers of change points, completed impacts. In ``plan``:
-what rigid contacts exert now (``codes.NOTHING`` and others); coordinates with virtual inertia, then contacts and holds
-in the factors (holds by numbers below zero), and touching contacts. In ``w``, at the middle of a step: matrices I, E
-and L of the bodies at their inboard sections, axes of joints, twists of sections by shapes, places and arms
-(:mod:`kaneflex.multibody.dynamics.tree`), arms of sections and cut rows; stages' accelerations, reactions, powers and
-rates of courses, accelerations of holds, accelerations and reactions of the last step, and residuals of its stages;
-gradients of joints' coordinates and springs, partial velocities of loads, slopes of loads and springs, sizes of loads
-elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`). In factors: I, E, L, U and D of the tree; twists of its
-bodies; working space; coordinates by unit reactions of the kept rows, and in the last row the solution; the reactions'
-effect on the cuts; reactions; required accelerations of holds; responses to a unit of each load and spring with slopes,
-their matrix, their forces. In ``plan``: 1 for every coordinate that no course prescribes, the pivots of either factors,
-those loads and springs, the pivots of their matrices, the coordinate that each course prescribes, or -1 if it is that
-of a cut. In space: in ``w`` residuals of the stages as reactions, in factors accelerations and reactions given for the
-right-hand side, in ``plan`` pivots of the stages' mass matrices, and the number of their rows. First forces and moments
-of loads in ``acts``, and their end."""
+"""Places of ``plan``: counts, places in ``acts``, ``w`` and factors, and places in ``plan`` itself."""
 
 
 class Tables(NamedTuple):
@@ -170,12 +219,12 @@ class Kind(Enum):
     PLAIN = "Mechanism"
     CONTACTS = "Mechanism with contacts"
     IMPACTS = "Mechanism with impacts"
-    HOLDS = "Mechanism with holds"
+    FRICTIONS = "Mechanism with friction"
     SPACE = "Mechanism in space"
     RIGID_SPACE = "Mechanism in space without stiffness"
     SWITCHED_SPACE = "Mechanism in space with discontinuous loads"
     CONTACT_SPACE = "Mechanism in space with contacts"
-    HOLD_SPACE = "Mechanism in space with holds"
+    FRICTION_SPACE = "Mechanism in space with friction"
     IMPACT_SPACE = "Mechanism in space with impacts"
 
     @property

@@ -178,7 +178,7 @@ class System:
         return {name: Scalar(unit, meaning, int(column)) for name, unit, meaning, column in self._scalars()}
 
     def _scalars(self) -> Iterator[tuple[str, str, str, int]]:
-        mechanism, kept, held = self.mechanism, self.engine.numbered, len(self.engine.holds)
+        mechanism, kept, held = self.mechanism, self.engine.numbered, len(self.engine.frictions)
         for (name, load), column in zip(mechanism.loads.items(), kept.sizes[0], strict=True):
             yield name, load.unit, "magnitude of the load", column
         parts = (kept.r, kept.R, kept.twist, kept.rate) if self.in_space else (kept.r, kept.twist, kept.rate)

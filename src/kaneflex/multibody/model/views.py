@@ -61,8 +61,8 @@ class Views:
 
     @cached_property
     def columns(self) -> dict[str, slice]:
-        """Columns of a row of the integration: coordinates q, speeds u, accelerations du, modes of contacts and holds,
-        quaternions of balls, works."""
+        """Columns of a row of the integration: coordinates q, speeds u, accelerations du, modes of contacts and
+        frictions, quaternions of balls, works."""
         n, reactions, modes, balls = self.size, self.count(at.REACTIONS), self.modes.size, 4 * len(self.balls)
         ends = np.cumsum([1, n, n, n, reactions, modes, balls, self.count(at.WORKS)]).tolist()
         names = "q", "u", "du", "reactions", "modes", "quaternions", "works"
@@ -291,7 +291,7 @@ class Views:
     @property
     def inputs(self) -> int:
         """Number of loads and prescribed accelerations."""
-        return self.count(at.WORKS) - 1 - len(self.holds) - len(self.contacts)
+        return self.count(at.WORKS) - 1 - len(self.frictions) - len(self.contacts)
 
     @property
     def additions(self) -> np.ndarray:
@@ -304,13 +304,13 @@ class Views:
         return self.rows[len(self.rows) - self.count(at.ACTS) + self.count(at.CONTACTS) :]
 
     @cached_property
-    def holds(self) -> np.ndarray:
+    def frictions(self) -> np.ndarray:
         """View of the numbers of frictions, (frictions, CONTACT_SIZE)."""
-        return self.rows[: self.count(at.DRIVES) - self.count(at.HOLDS)]
+        return self.rows[: self.count(at.DRIVES) - self.count(at.FRICTIONS)]
 
     @cached_property
     def rows(self) -> np.ndarray:
         """View of the numbers of frictions, then of contacts, (rows, CONTACT_SIZE)."""
-        held, touching = self.count(at.DRIVES) - self.count(at.HOLDS), self.count(at.ACTS) - self.count(at.CONTACTS)
+        held, touching = self.count(at.DRIVES) - self.count(at.FRICTIONS), self.count(at.ACTS) - self.count(at.CONTACTS)
         first = self.count(at.CONTACT) - at.CONTACT_SIZE * held
         return self.tables.w[first : first + at.CONTACT_SIZE * (held + touching)].reshape(-1, at.CONTACT_SIZE)

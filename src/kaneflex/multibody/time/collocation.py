@@ -38,9 +38,9 @@ from kaneflex.multibody.dynamics.loop_closure import (
 from kaneflex.multibody.dynamics.powers import losses
 from kaneflex.multibody.time.state_record import row_size, works_at, write_row
 from kaneflex.multibody.model.layout import (
-    ACCEL_SCALE, ACTS, BY_FORCES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, FREED, HOLDS, KEPT,
-    LAST_A, LAST_R, LOADS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE_SCALE, REACTION, REACTIONS, ROW_AT, SCALE, SLOPED,
-    SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, VIRTUAL, WORKS, YIELDING,
+    ACCEL_SCALE, ACTS, BY_FORCES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, CUTS, DRIVES, FREED, FRICTIONS,
+    KEPT, LAST_A, LAST_R, LOADS, PAIR_PIVOTS, PIVOTS, PRESCRIBED, RATE_SCALE, REACTION, REACTIONS, ROW_AT, SCALE,
+    SLOPED, SLOPE_PAIR_PIVOTS, SLOPE_PIVOTS, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, VIRTUAL, WORKS, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.dynamics.courses import courses, prescribe
 from kaneflex.multibody.dynamics.inverse_dynamics import demand
@@ -195,7 +195,7 @@ def _iterate(m, table, t, h, state, replayed, counts, A, B):
     """Solve the stage equations; return True if converged."""
     no_inline()
     before, plan = 0.0, m.plan
-    touches = plan[HOLDS] < plan[DRIVES] or plan[CONTACTS] < plan[ACTS]
+    touches = plan[FRICTIONS] < plan[DRIVES] or plan[CONTACTS] < plan[ACTS]
     enough = _CLOSE if replayed or touches or table.ends[0] == 0.0 else _NEAR
     for iteration in range(30 if replayed else 10):
         counts[2] += 1
@@ -310,11 +310,11 @@ def integrate(m, table, control, state, given, fixed, times, count, rows, counts
     ``control``: next step; longest step; most steps to try; last row filled; ends stored; length of the last step or 0;
     1 if the dependent coordinates are fixed; derivatives of loads and springs for the factors (see
     ``load_derivatives.needed_slopes``). ``state``: a row of the table with the state before row 1, updated: t, then
-    coordinates, rates, accelerations, reactions of cut joints and holds, states of contacts and holds, works.
+    coordinates, rates, accelerations, reactions of cut joints and frictions, states of contacts and frictions, works.
     ``given``: ends [s] of the ``fixed`` steps to take, including the ``times``; none for error control. Works are time
-    integrals of powers (dissipation, loads, drives, holds, contacts). ``counts``: accepted and rejected steps, Newton
-    iterations, factorisations. ``ends``: the first ``wide`` numbers of the rows at the ends of the steps taken, and
-    after each change there. Returns an outcome.
+    integrals of powers (dissipation, loads, drives, frictions, contacts). ``counts``: accepted and rejected steps,
+    Newton iterations, factorisations. ``ends``: the first ``wide`` numbers of the rows at the ends of the steps taken,
+    and after each change there. Returns an outcome.
     """
     A, B, size, touching = m.real, m.pair, row_size(m), event_location.has_events(m)
     trial, found = 0.0, event_location.PASSED

@@ -13,7 +13,7 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.mechanism.contacts import NEWTON
-from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts, of_impacts
+from kaneflex.multibody.compile.stand_ins import if_changes, if_contacts, if_impacts
 from kaneflex.multibody.dynamics.algebra import angular_size
 from kaneflex.multibody.dynamics.kinematics import twist_at_section
 from kaneflex.multibody.dynamics.loop_closure import correct_accelerations, follow
@@ -54,14 +54,14 @@ _SAME_SPEED = 1e-9
 """Share of the approach speed up to which its increase is located."""
 
 
-@of_changes(False)
+@if_changes(False)
 @njit(**OPTIONS)
 def has_events(m):
     """True if steps are searched for changes."""
     return True
 
 
-@of_changes(None)
+@if_changes(None)
 @njit(**OPTIONS)
 def monitor(m, t, i):
     """Store gap, rate, force and sign of the force of all contacts as those of the step's node i, and what is monitored
@@ -85,7 +85,7 @@ def monitor(m, t, i):
     store_node(m, t, i)
 
 
-@of_changes(True)
+@if_changes(True)
 @njit(**OPTIONS)
 def restore(m, state):
     """Restore the state of a row at the start of a step; False: a loop does not close."""
@@ -96,7 +96,7 @@ def restore(m, state):
     return closes
 
 
-@of_changes(0.0)
+@if_changes(0.0)
 @njit(**OPTIONS)
 def next_step(m, table, h, state, A, wanted, found):
     """Begin the next step after one with this finding; returns its largest length [s], see ``apply_changes``."""
@@ -112,7 +112,7 @@ def next_step(m, table, h, state, A, wanted, found):
     return wanted
 
 
-@of_contacts(False)
+@if_contacts(False)
 @njit(**OPTIONS)
 def rest_changed(m):
     """True if contacts rest under Newton's law without being constraints of dependent coordinates, or vice versa."""
@@ -159,7 +159,7 @@ def _time_to_close(gap, rate, bent):
     return 2.0 * gap / (math.sqrt(root) - rate) if bent >= 0.0 or rate < 0.0 else (-rate - math.sqrt(root)) / bent
 
 
-@of_changes(0.0)
+@if_changes(0.0)
 @njit(**OPTIONS)
 def step_to_contact(m, h):
     """Step [s] instead of h that ends at the predicted closing of rigid sides, to avoid repetitions."""
@@ -182,14 +182,14 @@ def repeat_step(m, low, trial, high):
     return AGAIN
 
 
-@of_changes(0.0)
+@if_changes(0.0)
 @njit(**OPTIONS)
 def next_trial(m, found):
     """Length of the repeated step [s], 0 if there is none."""
     return m.w[m.plan[TOUCH] + TRIAL] if found == AGAIN else 0.0
 
 
-@of_contacts(1e300)
+@if_contacts(1e300)
 @njit(**OPTIONS)
 def turn_limit(m):
     """Longest step [s] in which no body with an open contact turns by more than 1 rad; without flanks."""
@@ -202,7 +202,7 @@ def turn_limit(m):
     return 1.0 / fastest
 
 
-@of_changes(0)
+@if_changes(0)
 @njit(**OPTIONS)
 def find_change(m, table, t, h, state, searched):
     """Find the first change of a contact in a solved step; see PASSED. TRIAL is the step to take instead.
@@ -249,7 +249,7 @@ def find_change(m, table, t, h, state, searched):
     return CHANGED
 
 
-@of_impacts(True)
+@if_impacts(True)
 @njit(**OPTIONS)
 def _store_rest_forces(m, t, h, last):
     """Store the forces of rigid sides at rest, in the stages and at the end; False: singular.

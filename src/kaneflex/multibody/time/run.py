@@ -90,14 +90,14 @@ class Run(RunCurve):
         engine, t = self.engine, float(self.times[0])
         # Else records of an earlier run decide which contacts are closed, and what counts as zero.
         engine.rows[:], engine.numbers(at.TOUCH, at.SHARED)[at.FLIGHT :] = 0.0, 0.0
-        engine.holds[:, at.JAMS] = math.nan
+        engine.frictions[:, at.JAMS] = math.nan
         engine.take_impacts()
         engine.set(start)
         if engine.in_space:
             engine.choose_speeds(start.choice)
         else:
             self.twice = tuple(dict.fromkeys(engine.cut_of(row) for row in engine.choose(t).tolist()))
-        regular, own = engine.project(t), slice(len(engine.holds), len(engine.holds) + len(self.touching))
+        regular, own = engine.project(t), slice(len(engine.frictions), len(engine.frictions) + len(self.touching))
         self.stored[own] = engine.work.touching[own, at.STORED_AT]
         return regular, first_step(engine.motion[2], self.bounds.scale, self.longest)
 
@@ -108,8 +108,9 @@ class Run(RunCurve):
         """
         try:
             if not self.projected:
-                rubs = ", or no combination of sticking and slipping is consistent" if len(self.engine.holds) else ""
-                return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
+                rubs = len(self.engine.frictions) > 0
+                rubbing = ", or no combination of sticking and slipping is consistent" if rubs else ""
+                return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubbing}"
             return self._integrated(progress, stop)
         finally:  # for readers there are no change points
             self.engine.numbers(at.CROSSING, at.CHANGE_POINT)[at.WHEN], self.ended = -math.inf, self.table[:0]
@@ -188,7 +189,7 @@ class Run(RunCurve):
         """Message about damping of bristles that exceeds the sliding friction; empty otherwise."""
         frictions = list(self.system.mechanism.frictions.items())
         states = self.engine.instants(self.system.unfold(self.state[None])).touching[0]
-        states = states[len(self.engine.holds) - len(frictions) :]
+        states = states[len(self.engine.frictions) - len(frictions) :]
         for (name, own), (_, speed, _, pressed, *_) in zip(frictions, states, strict=False):
             damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
             if damped > dry:
@@ -220,7 +221,7 @@ class Run(RunCurve):
         Not with resting rigid sides: just before they separate, rounding makes their force negative, with which no
         friction is consistent, and the decision at the next change determines the mode.
         """
-        if not len(self.engine.holds) or self.step >= _TINY * self.longest:
+        if not len(self.engine.frictions) or self.step >= _TINY * self.longest:
             return False
         contacts = self.system.mechanism.contacts.values()
         closed = self.engine.contacts[: len(contacts), at.MODE] != at.OPEN
@@ -281,7 +282,7 @@ class Run(RunCurve):
         if ended == codes.RESTED:
             if self._rest():
                 return codes.PAUSED
-            return codes.PARADOX if len(self.engine.holds) else codes.SINGULAR
+            return codes.PARADOX if len(self.engine.frictions) else codes.SINGULAR
         return ended
 
     def cut(self, k: int, message: str, found: CoupledTrajectory) -> CoupledTrajectory:
@@ -313,8 +314,8 @@ class Run(RunCurve):
         engine, record = self.engine, self.system.unfold(rows)
         if self.touching:
             self.system.unfold(self.state[None])
-        held = len(engine.holds)
-        jams = engine.holds[held - len(self.system.mechanism.frictions) : held, at.JAMS].copy()
+        held = len(engine.frictions)
+        jams = engine.frictions[held - len(self.system.mechanism.frictions) : held, at.JAMS].copy()
         happened = self.impacts + results.lasting(self.touching, engine, self.state)
         energy, contacts, frictions = self.moved(rows, record, happened, jams)
         return CoupledTrajectory(

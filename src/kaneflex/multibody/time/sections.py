@@ -158,7 +158,7 @@ class DeformingMotion(RigidMotion, ABC):
         acceleration the link would have to bend violently instead.
         """
         engine, contacts = self.system.engine, self.system.mechanism.contacts.values()
-        rigid = len(engine.holds) + np.flatnonzero([contact.law == "newton" for contact in contacts])
+        rigid = len(engine.frictions) + np.flatnonzero([contact.law == "newton" for contact in contacts])
         return (modes == at.STICKING).any(axis=1) | (modes[:, rigid] != at.OPEN).any(axis=1)
 
     def link(self, name: str) -> Link:

@@ -89,7 +89,7 @@ class Cycles:
     @property
     def touches(self) -> bool:
         """True with contacts, friction or loads that jump: the linearised equations do not include their changes."""
-        return bool(len(self.equations.engine.contacts) or len(self.equations.engine.holds))
+        return bool(len(self.equations.engine.contacts) or len(self.equations.engine.frictions))
 
     def run(self, start: State) -> CoupledTrajectory:
         """Cycle from a start, which may stop early."""

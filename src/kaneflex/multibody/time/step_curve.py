@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from numba import njit
 
-from kaneflex.multibody.compile.stand_ins import of_holds
+from kaneflex.multibody.compile.stand_ins import if_frictions
 from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.loop_closure import follow
 from kaneflex.multibody.compile.types import OPTIONS, basis, larger, no_inline
@@ -79,7 +79,7 @@ def evaluate(m, table, t, h, state, x):
     return True
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def store_node(m, t, i):
     """Store what is monitored of all frictions, with its rate and tolerance, at node i of the step."""
@@ -99,7 +99,7 @@ def store_node(m, t, i):
             w[j + 2] = zero_speed(m, n, t)
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def extrapolate_to_end(m, table, last):
     """Extrapolate the forces of sticking frictions from the stages to the end of a step that isn't a stage."""

@@ -304,7 +304,8 @@ class RunCurve(Curve):
 
         ``impacts``: of the contacts; ``jams``: of the frictions, see :class:`RowRecord`.
         """
-        found, works, held = self.engine.instants(record), rows[:, self.engine.columns["works"]], len(self.engine.holds)
+        found, held = self.engine.instants(record), len(self.engine.frictions)
+        works = rows[:, self.engine.columns["works"]]
         touching, names = found.touching.copy(), tuple(self.system.mechanism.frictions)
         for k, name in enumerate(names, start=held - len(names)):
             if self.engine.in_space and len(rows) and self.system.mechanism.turns_at(name):

@@ -19,7 +19,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import contact as touching
-from kaneflex.multibody.compile.stand_ins import of_changes, of_contacts
+from kaneflex.multibody.compile.stand_ins import if_changes, if_contacts
 from kaneflex.multibody.dynamics.forces import load_sizes
 from kaneflex.multibody.dynamics.loop_closure import correct_accelerations
 from kaneflex.multibody.dynamics.loop_factors import factorise_closed
@@ -28,8 +28,8 @@ from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, smaller
 from kaneflex.multibody.model.layout import (
     ABOVE, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGAN_Z, BELOW, CLOSED, COORDINATES, DUE, FLIGHT, GAP, GAP_RATE, HELD,
     IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, LARGEST, LAST_CHANGE, LOST_BEFORE, MEMORY, MODE, MOST_IMPACTS, NODES, OPEN,
-    PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROOM, ROW_AT, SINCE, STAYS, TOUCH, VIRTUAL, WORKS,
-    YIELDING,
+    PEAK, PIVOTS, PRECISION, RELEASED, RESISTING_MASS, RESTED, ROW_AT, SINCE, STAYS, TOUCH, VIRTUAL, WORKS, YIELDING,
+    ZERO_BAND,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import works_at, write_row
 from kaneflex.multibody.unilateral.decision import decide
@@ -78,7 +78,7 @@ def record_impulses(m, table, h):
         w[k + ALLOWED] = larger(w[k + ALLOWED], w[m.plan[TOUCH] + PRECISION] * deepest)
 
 
-@of_contacts(False)
+@if_contacts(False)
 @njit(**OPTIONS)
 def is_record_full(m):
     """True if no more impacts can be stored."""
@@ -223,7 +223,7 @@ def open_contact(m, n, t, lost):
     w[m.plan[IMPACTS]] = count + 1
 
 
-@of_changes(True)
+@if_changes(True)
 @njit(**OPTIONS)
 def choose_contact_modes(m, t, A):
     """Contact modes of a single state: closed if the sides overlap, else open; False at a singular state.
@@ -272,7 +272,7 @@ def _pass_zero(m, t, A):
                     rate = m.sizes[j + 1]  # the sign of the value itself is rounding
                     w[k + MEMORY] = ABOVE if (rate if abs(rate) > 0.0 else m.sizes[j]) > 0.0 else BELOW
                 else:
-                    w[k + ROOM] = larger(w[k + ROOM], 2.0 * abs(m.sizes[j]) + ROUNDING * w[k + LARGEST])
+                    w[k + ZERO_BAND] = larger(w[k + ZERO_BAND], 2.0 * abs(m.sizes[j]) + ROUNDING * w[k + LARGEST])
                     w[k + MEMORY] = -w[k + MEMORY]
             elif turn == 1 and w[k + GAP_RATE] < 0.0:
                 back += 1
@@ -288,7 +288,7 @@ def _pass_zero(m, t, A):
     return 1e300
 
 
-@of_changes(False)
+@if_changes(False)
 @njit(**OPTIONS)
 def choose_sides(m, t):
     """Choose the sides of switches by the values of their arguments; True if one changes.
@@ -304,7 +304,7 @@ def choose_sides(m, t):
             k, j = at(m, n), argument_at(m, n)
             if is_switch(m, n):
                 side = STAYS
-                if abs(m.sizes[j]) > larger(zero_gap(m, n, t, m.sizes[j + 1]), w[k + ROOM]):
+                if abs(m.sizes[j]) > larger(zero_gap(m, n, t, m.sizes[j + 1]), w[k + ZERO_BAND]):
                     side = ABOVE if m.sizes[j] > 0.0 else BELOW
                 changed = changed or side != w[k + MEMORY]
                 w[k + MEMORY] = side

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.compile.stand_ins import of_impacts, of_modes
+from kaneflex.multibody.compile.stand_ins import if_impacts, if_modes
 from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted
 from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics.courses import courses
@@ -35,7 +35,7 @@ _REFINED = 5
 """Solutions for impulses: sticking rows have a small compliance, whose effect the later ones remove."""
 
 
-@of_modes(0)
+@if_modes(0)
 @njit(**OPTIONS)
 def solve_choice(m, t, A):
     """Iterate impulses or accelerations and reactions of a choice, with friction by reactions; 0, or 1 at a singular
@@ -62,7 +62,7 @@ def solve_choice(m, t, A):
     return 2
 
 
-@of_impacts(True)
+@if_impacts(True)
 @njit(**OPTIONS)
 def _speeds_after(m, t, A):
     """Speeds after impulses by a choice of modes, from those at LAST_A: impulses are at NOW, works of prescribed drives

@@ -15,14 +15,14 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.stand_ins import of_holds, of_impacts, of_modes
+from kaneflex.multibody.compile.stand_ins import if_frictions, if_impacts, if_modes
 from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics.loop_closure import factorise_now, rows_of_frictions
 from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.model.codes import FORCES, NOTHING
 from kaneflex.multibody.model.layout import (
-    BEFORE, BENDING, BORE, BOUNCE, CLOSED, COLUMNS, COORDINATES, DECIDES, DUE, FLOWING, FORCE, GAP_ACCEL, IN_A_ROW,
+    BEFORE, BENDING, BOUNCE, BREAKAWAY, CLOSED, COLUMNS, COORDINATES, DECIDES, DUE, FLOWING, FORCE, GAP_ACCEL, IN_A_ROW,
     KEPT, LIMIT, MAY, MODE, NODES, OPEN, PIVOTS, REACTION, RESISTING_MASS, ROUNDED, SLIP, SLIPPING, SLIP_RATE, STICKING,
     TOUCH, UNSURE, VIRTUAL, YIELDING,
 )  # fmt: skip
@@ -62,7 +62,7 @@ _NONE = -1000000
 """Index of no row."""
 
 
-@of_holds(0)
+@if_frictions(0)
 @njit(**OPTIONS)
 def decide(m, t, A):
     """Find which frictions slip and which are stuck at the current state; 0, or 1 at a singular state, 2 without a
@@ -76,7 +76,7 @@ def decide(m, t, A):
     return undecided
 
 
-@of_holds(True)
+@if_frictions(True)
 @njit(**OPTIONS)
 def begin(m, t, A):
     """Modes of frictions with a speed, and the first ones of those without; False: singular."""
@@ -100,7 +100,7 @@ def _is_free(m, n):
     return m.w[at(m, n) + DUE] < 0.0
 
 
-@of_modes(0)
+@if_modes(0)
 @njit(**OPTIONS)
 def search(m, t, A):
     """Find the modes of all rows that are free; returns as :func:`decide`."""
@@ -226,13 +226,13 @@ def _first_mode(m, n, t):
     w[k + DUE] = STILL
     if before == STICKING:
         if shifts:
-            w[k + DUE], w[k + BORE] = LET_GO, magnitude(m, n, FORCE)
+            w[k + DUE], w[k + BREAKAWAY] = LET_GO, magnitude(m, n, FORCE)
     elif shifts or before == OPEN or w[m.plan[TOUCH] + IN_A_ROW] == 0.0:
         stick(m, n)  # else it was released just before others
     return 1
 
 
-@of_holds(0)
+@if_frictions(0)
 @njit(**OPTIONS)
 def _share_load(m, t, A):
     """Distribute loads again among sticking frictions, and let those slip that are due, with equally loaded ones.
@@ -252,7 +252,7 @@ def _share_load(m, t, A):
             share = _load(m, n)
             if w[k + DUE] >= 0.0 or w[k + MODE] != STICKING:
                 continue
-            lets = w[k + DUE] == LET_GO and magnitude(m, n, FORCE) >= (1.0 - _SHORT) * w[k + BORE]
+            lets = w[k + DUE] == LET_GO and magnitude(m, n, FORCE) >= (1.0 - _SHORT) * w[k + BREAKAWAY]
             if turn == 0 and lets:
                 level = larger(level, share)
             elif lets or (level > 1.0 - _SHORT and share >= level - _ALIKE):
@@ -321,7 +321,7 @@ def _inconsistency(m, n, t, late):
     return _contact_inconsistency(m, n) if n >= 0 else _friction_inconsistency(m, n, t, late)
 
 
-@of_impacts(0.0)
+@if_impacts(0.0)
 @njit(**OPTIONS)
 def _contact_inconsistency(m, n):
     """Pull of a closed rigid contact, or approach of an open one, in those that are rounding."""
@@ -334,7 +334,7 @@ def _contact_inconsistency(m, n):
     return larger(-w[k + FORCE] / (10.0 * size * w[k + RESISTING_MASS] + 1e-300), _ASTRAY * abs(closer))
 
 
-@of_holds(0.0)
+@if_frictions(0.0)
 @njit(**OPTIONS)
 def _friction_inconsistency(m, n, t, late):
     """Force of a sticking friction beyond its limit, or motion of a slipping one against its direction, in those that

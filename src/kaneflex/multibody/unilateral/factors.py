@@ -11,7 +11,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import friction as laws
-from kaneflex.multibody.compile.stand_ins import of_holds, of_modes
+from kaneflex.multibody.compile.stand_ins import if_frictions, if_modes
 from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted, smaller
 from kaneflex.multibody.compile.values import copy, width
 from kaneflex.multibody.dynamics import dense_lu
@@ -20,9 +20,9 @@ from kaneflex.multibody.dynamics.cut_rows import left_out
 from kaneflex.multibody.dynamics.wrenches import row_wrench
 from kaneflex.multibody.model.codes import NOTHING
 from kaneflex.multibody.model.layout import (
-    ACROSS, ALONG, BENDING, BOUNCE, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, DECIDES, FLOWING, FORCE, GAP_ACCEL, KEPT,
-    LIMIT, MEMORY, MODE, MODE_SIZE, REACTION, REACTIONS, RESISTING_MASS, ROW_AT, ROW_OF, SCHUR, SLIP, SLIPPING,
-    SLIP_RATE, STICKING, STIFF, TOUCHING, TURN, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
+    ACROSS, ALONG, BENDING, BOUNCE, BY_PRESS, BY_SPEED, COORDINATES, CUT_OF, DECIDES, FACTOR_ROWS, FLOWING, FORCE,
+    GAP_ACCEL, KEPT, LIMIT, MEMORY, MODE, MODE_SIZE, REACTION, REACTIONS, RESISTING_MASS, ROW_AT, ROW_OF, SCHUR, SLIP,
+    SLIPPING, SLIP_RATE, STICKING, STIFF, TURN, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.frictions import (
@@ -47,13 +47,13 @@ those of speeds, divided by it."""
 def virtual_coordinate(m, r):
     """Coordinate whose virtual inertia a row of the factors removes; -1 for rows of cuts, contacts and frictions."""
     plan = m.plan
-    return m.pivots[plan[TOUCHING] + r - plan[KEPT]] if plan[KEPT] <= r < plan[KEPT] + plan[VIRTUAL] else -1
+    return m.pivots[plan[FACTOR_ROWS] + r - plan[KEPT]] if plan[KEPT] <= r < plan[KEPT] + plan[VIRTUAL] else -1
 
 
 @njit(**OPTIONS)
 def row_in(m, r):
     """Contact or friction of a factors' row after those of cut joints and of virtual inertia."""
-    return m.pivots[m.plan[TOUCHING] + r - m.plan[KEPT]]
+    return m.pivots[m.plan[FACTOR_ROWS] + r - m.plan[KEPT]]
 
 
 @njit(**OPTIONS)
@@ -79,7 +79,7 @@ def use_rows_now(m):
     m.pivots[YIELDING] = m.plan[VIRTUAL] + _rows_now(m)
 
 
-@of_modes(0)
+@if_modes(0)
 @njit(**OPTIONS)
 def _rows_now(m):
     """Add sticking friction and such contacts to the rows; returns their number."""
@@ -88,7 +88,7 @@ def _rows_now(m):
     for n in range(-frictions(m), contacts(m)):
         w, k = m.w, at(m, n)
         if left_out(m, n) if n >= 0 else (w[k + MODE] == STICKING or w[k + MODE] == BENDING) and not is_idle(m, n):
-            m.pivots[m.plan[TOUCHING] + m.plan[VIRTUAL] + found] = n
+            m.pivots[m.plan[FACTOR_ROWS] + m.plan[VIRTUAL] + found] = n
             found += 1
             w[k + VISCOUS] = 0.0
         if n < 0 and w[k + MODE] == BENDING:
@@ -96,7 +96,7 @@ def _rows_now(m):
     return found
 
 
-@of_holds(0)
+@if_frictions(0)
 @njit(**OPTIONS)
 def rows_of_step(m, first, h, state):
     """Add frictions to the rows of a step's factors, halfway through the step from ``state``, after ``first`` others;
@@ -119,7 +119,7 @@ def rows_of_step(m, first, h, state):
             v = magnitude(m, n, SLIP)
             w[k + VISCOUS] = larger(w[j + VISCOUS_AT] + laws.dry_slope(w, j, normal_force(m, n), v), 0.0)
         if mode == STICKING or mode == BENDING or w[k + VISCOUS] > 0.0:
-            m.pivots[plan[TOUCHING] + first + found] = n
+            m.pivots[plan[FACTOR_ROWS] + first + found] = n
             found += 1
     return found
 
@@ -134,7 +134,7 @@ def _turning(m, n):
     return dry / sliding_size(m, along)
 
 
-@of_holds(0.0)
+@if_frictions(0.0)
 @njit(**OPTIONS)
 def largest_limit(m, rows, A):
     """Largest force limit of sticking rows of the factors, as its square times the row's response to a unit force."""
@@ -179,7 +179,7 @@ def compliance(m, n, h, r, size, A, largest):
     return soft
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def leave_out_idle(m, A, size, pivots):
     """Remove forces of sticking rows that move nothing from the reactions of ``size`` rows: rounding errors, divided by
@@ -202,7 +202,7 @@ def leave_out_idle(m, A, size, pivots):
         A[x + r] -= A[y + r]
 
 
-@of_holds(False)
+@if_frictions(False)
 @njit(**OPTIONS)
 def use_force_law(m, n, r, size, h, A):
     """Replace a bristle's row of the factors by its force law; True if the row is one.
@@ -238,7 +238,7 @@ def right_hand_side(m, A, r, opening):
     return A[m.plan[WANTED] - 1 - n] - opening
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def prescribe_nothing(m, A):
     """Set prescribed accelerations of all rows to zero."""
@@ -246,7 +246,7 @@ def prescribe_nothing(m, A):
         A[m.plan[WANTED] + n] = 0.0 * A[0]
 
 
-@of_modes(None)
+@if_modes(None)
 @njit(**OPTIONS)
 def prescribe_now(m, A):
     """Prescribe zero acceleration to sticking friction and closed rigid contacts at the current state, of impulses a
@@ -262,7 +262,7 @@ def prescribe_now(m, A):
             A[m.plan[WANTED] - 1 - n] = lugre.force_now(w, k, law_at(m, n)) - w[k + FORCE]
 
 
-@of_holds(0)
+@if_frictions(0)
 @njit(**OPTIONS)
 def friction_by_reaction(m, r):
     """Slipping friction whose force depends on the reaction of a factors' row; 0: none."""
@@ -283,7 +283,7 @@ def is_normal_force(m, n, r):
     return plan[plan[CUT_OF] + row] == of or m.acts[of, ROW_AT] <= row < int(m.w[law_at(m, n) + END_AT])
 
 
-@of_holds(0.0)
+@if_frictions(0.0)
 @njit(**OPTIONS)
 def force_by_reaction(m, n, r):
     """Derivative of a slipping friction's force with respect to the reaction of a factors' row."""

@@ -8,7 +8,7 @@ import math
 from numba import njit
 
 from kaneflex.generated import friction as laws
-from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
+from kaneflex.multibody.compile.stand_ins import if_contacts, if_frictions
 from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline
 from kaneflex.multibody.compile.values import row_length, width
 from kaneflex.multibody.dynamics.algebra import (
@@ -183,7 +183,7 @@ def bearing_forces(m, n, wrench):
     return plus(half, apart_), axpy(-1.0, apart_, half)
 
 
-@of_holds(0)
+@if_frictions(0)
 @njit(**OPTIONS)
 def friction_of(m, row):
     """Friction of the joint with this first row; 0 if it has none."""
@@ -208,7 +208,7 @@ def dry(m, n, N, v):
     return m.w[law_at(m, n) + MU_AT] * N if in_impact(m) else laws.dry(m.w, law_at(m, n), N, v)
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def apply_friction(m):
     """Force, or impulse, of every friction at the current state, also at NOW, with its energy.
@@ -276,7 +276,7 @@ def _force_of(m, n):
     return force[0], force[1], force[2]
 
 
-@of_contacts(None)
+@if_contacts(None)
 @njit(**OPTIONS)
 def record(m):
     """Store the results of every row with an instant, frictions first: gap or position, rate, force, normal force,

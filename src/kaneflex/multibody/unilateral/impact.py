@@ -21,17 +21,17 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody.compile.stand_ins import of_holds, of_impacts
+from kaneflex.multibody.compile.stand_ins import if_frictions, if_impacts
 from kaneflex.multibody.compile.values import copy
 from kaneflex.multibody.dynamics.algebra import angular_size, linear_size
 from kaneflex.multibody.dynamics.loop_closure import correct_accelerations, factorise_now, follow, rows_of_frictions
 from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted, smaller
 from kaneflex.multibody.model.codes import FORCES, IMPULSES, NOTHING
 from kaneflex.multibody.model.layout import (
-    ALLOWED, ALONE, BODIES, BORE, BOUNCE, CLOSED, COORDINATES, CUT_ROWS, DECIDES, DUE, EXTENT, FORCE, GAP, GAP_ACCEL,
-    GAP_RATE, IMPULSE, KEPT, LAST_A, LAST_R, MAY, MEMORY, MEMORY_BEFORE, MET, MODE, MODE_BEFORE, NEW, OLD, OPEN, POWER,
-    QUIET, REACTIONS, RESISTING_MASS, RESTED, RESTED_BEFORE, ROUNDED, ROW_OF, SHUT, SLIP, SLIPPING, SLIP_RATE, STICKING,
-    STICKS, STRUCK, TOUCH, UNSURE, WORKS,
+    ALLOWED, ALONE, BODIES, BOUNCE, BREAKAWAY, CLOSED, COORDINATES, CUT_ROWS, DECIDES, DUE, EXTENT, FORCE, GAP,
+    GAP_ACCEL, GAP_RATE, IMPULSE, KEPT, LAST_A, LAST_R, MAY, MEMORY, MEMORY_BEFORE, MET, MODE, MODE_BEFORE, NEW, OLD,
+    OPEN, POWER, QUIET, REACTIONS, RESISTING_MASS, RESTED, RESTED_BEFORE, ROUNDED, ROW_OF, SHUT, SLIP, SLIPPING,
+    SLIP_RATE, STICKING, STICKS, STRUCK, TOUCH, UNSURE, WORKS,
 )  # fmt: skip
 from kaneflex.multibody.time.state_record import works_at, write_row
 from kaneflex.multibody.unilateral import decision
@@ -53,7 +53,7 @@ LEAST_HEIGHT = 16.0
 """Tolerances of a gap that a bounce must be high."""
 
 
-@of_impacts(0.0)
+@if_impacts(0.0)
 @njit(**OPTIONS)
 def collide(m, state, A, wanted):
     """Solve the impacts of touching rigid sides and find those that rest; returns the next step [s], -1 at a singular
@@ -109,10 +109,10 @@ def _gather(m, t):
     return found
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def _gather_frictions(m):
-    """Note the modes of frictions, and which of them may have an impulse; sticking ones that are to slip bear BORE."""
+    """Note the modes of frictions, and which may have an impulse; sticking ones that are to slip bear BREAKAWAY."""
     no_inline()
     w = m.w
     rows_of_frictions(m)
@@ -122,7 +122,7 @@ def _gather_frictions(m):
         if w[k + MODE] == STICKING:
             w[k + OLD] = 0.0
             if w[k + DUE] > 0.0:
-                w[k + DUE], w[k + BORE] = LET_GO, magnitude(m, n, FORCE)
+                w[k + DUE], w[k + BREAKAWAY] = LET_GO, magnitude(m, n, FORCE)
         w[k + MAY] = (c < 0 or w[at(m, c) + MET] != 0.0) and w[j + LAW_AT] < VISCOUS_LAW and w[j + MU_AT] > 0.0
         w[k + MODE], w[k + STRUCK] = OPEN, 0.0
 
@@ -207,7 +207,7 @@ def _jump(m, t, A):
     return undecided
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def _modes_after_impact(m, t):
     """First modes after an impact, or none: frictions with a speed slip that way, the others stick.
@@ -332,7 +332,7 @@ def _settle(m, state):
     _settle_frictions(m, state)
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def _settle_frictions(m, state):
     """Record the works of the frictions' impulses; none acts at an open contact, and those that needn't slip stick."""

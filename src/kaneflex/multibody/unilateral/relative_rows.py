@@ -12,7 +12,7 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.mechanism.contacts import NEWTON
-from kaneflex.multibody.compile.stand_ins import of_changes, of_impacts
+from kaneflex.multibody.compile.stand_ins import if_changes, if_impacts
 from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted, turned
 from kaneflex.multibody.compile.values import by_size, inline, row_length, twists, width
 from kaneflex.multibody.dynamics.algebra import (
@@ -22,7 +22,7 @@ from kaneflex.multibody.dynamics.kinematics import section_motion, section_place
 from kaneflex.multibody.dynamics.wrenches import push, row_wrench
 from kaneflex.multibody.model.layout import (
     ACROSS, AT, AXIS_AT, CIRCLES, CLOSED, COORDINATE_AT, EXTENT, FLANK, FORCE, GAP, GAP_ACCEL, GAP_RATE, LARGEST, LAW,
-    MEMORY, MODE, ON, OPEN, PLACE, ROOM, STAYS, STORED, TOUCH, TURN, WHAT,
+    MEMORY, MODE, ON, OPEN, PLACE, STAYS, STORED, TOUCH, TURN, WHAT, ZERO_BAND,
 )  # fmt: skip
 from kaneflex.multibody.unilateral.rows import (
     EPS, RADIUS_AT, REACH_AT, ROUNDING, act_of, argument_at, at, contact_of, contacts, is_at_rest, is_switch, law_at,
@@ -65,7 +65,7 @@ def zero_gap(m, n, t, rate):
     return ROUNDING * size + 4.0 * EPS * abs(t * rate)
 
 
-@of_changes(None)
+@if_changes(None)
 @njit(**OPTIONS)
 def _fill_switch(m, n):
     """Numbers of a switching argument as a gap that closes when a load's law changes its branch.
@@ -78,7 +78,7 @@ def _fill_switch(m, n):
         rate = 0.0
     if side == STAYS:
         rate = -rate if value > 0.0 else rate
-        value = w[k + ROOM] - abs(value)
+        value = w[k + ZERO_BAND] - abs(value)
     else:
         value, rate = side * value, side * rate
     w[k + GAP], w[k + GAP_RATE] = value, rate
@@ -294,7 +294,7 @@ def fill_contact(m, n):
     return k
 
 
-@of_changes(None)
+@if_changes(None)
 @njit(**OPTIONS)
 def apply_contact_forces(m):
     """Contact forces of closed contacts on their sections, with the numbers of all contacts and switches."""
@@ -306,7 +306,7 @@ def apply_contact_forces(m):
                 push(m, m.acts[act_of(m, n), AT + side], scaled(force, row_wrench(m, row_at(m, n), side)))
 
 
-@of_impacts(None)
+@if_impacts(None)
 @njit(**OPTIONS)
 def fill_rest_rows(m):
     """Rows of contacts at rest under Newton's law: gap, rate, acceleration, and Jacobians."""

@@ -25,8 +25,8 @@ from kaneflex.multibody.compile.types import OPTIONS
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.model.codes import IMPULSES, NOTHING
 from kaneflex.multibody.model.layout import (
-    ACROSS, ACTS, ALLOWED, ALONG, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, CUT_ROWS, DECIDES, DRIVES, HOLDS, LAW, LOADS,
-    MEMORY, MODE, NUMBERS_AT, OPEN, PEAK, PRECISION, ROW_AT, SPRINGS, SWITCH, TOUCH, WHAT,
+    ACROSS, ACTS, ALLOWED, ALONG, CLOSED, CONTACT, CONTACTS, CONTACT_SIZE, CUT_ROWS, DECIDES, DRIVES, FRICTIONS, LAW,
+    LOADS, MEMORY, MODE, NUMBERS_AT, OPEN, PEAK, PRECISION, ROW_AT, SPRINGS, SWITCH, TOUCH, WHAT,
 )  # fmt: skip
 
 SLOWEST = 1e-11
@@ -53,7 +53,7 @@ def contacts(m):
 @njit(**OPTIONS)
 def frictions(m):
     """Number of frictions."""
-    return m.plan[DRIVES] - m.plan[HOLDS]
+    return m.plan[DRIVES] - m.plan[FRICTIONS]
 
 
 @njit(**OPTIONS)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import contact as touching
-from kaneflex.multibody.compile.stand_ins import of_contacts, of_holds
+from kaneflex.multibody.compile.stand_ins import if_contacts, if_frictions
 from kaneflex.multibody.compile.values import width
 from kaneflex.multibody.dynamics import dense_lu
 from kaneflex.multibody.dynamics.arrays import PHI
@@ -21,9 +21,9 @@ from kaneflex.multibody.dynamics.loop_closure import factorise_now, follow, rows
 from kaneflex.multibody.dynamics.loop_factors import solve_closed
 from kaneflex.multibody.compile.types import OPTIONS, larger, no_inline, shifted
 from kaneflex.multibody.model.layout import (
-    ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COLUMNS, COORDINATES, DRIVES, FIRMEST, FORCE, GAP, GAP_RATE,
-    HOLDS, JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PLACE, PRECISION, REACTION, REACTIONS, SCHUR, SHARED, SLIP,
-    SLIP_RATE, STAGE_H, STAGE_R, STICKING, STIFF, TOUCH, TOUCHING, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
+    ALLOWED, ALONG, BENDING, BY_FORCES, BY_SPEED, CLOSED, COLUMNS, COORDINATES, DRIVES, FACTOR_ROWS, FIRMEST, FORCE,
+    FRICTIONS, GAP, GAP_RATE, JAMS, KEPT, LAW, MEMORY, MODE, NODES, PIVOTS, PLACE, PRECISION, REACTION, REACTIONS,
+    SCHUR, SHARED, SLIP, SLIP_RATE, STAGE_F, STAGE_R, STICKING, STIFF, TOUCH, VIRTUAL, VISCOUS, WANTED, WHAT, YIELDING,
 )  # fmt: skip
 from kaneflex.multibody.unilateral import lugre
 from kaneflex.multibody.unilateral.factors import is_normal_force, memory_place, prescribe_nothing, row_in, rows_of_step
@@ -69,7 +69,7 @@ def effective_mass(m, n, A):
     return 1.0 / larger(abs(product(m.w, g, shifted(A, answer), plan[COORDINATES])), 1e-200)
 
 
-@of_contacts(None)
+@if_contacts(None)
 @njit(**OPTIONS)
 def collect_rows(m, h, state):
     """Collect closed contacts, by their slopes in the middle of the step, and frictions for the factors; positions are
@@ -79,16 +79,16 @@ def collect_rows(m, h, state):
     count = first
     for n in range(contacts(m)):
         if left_out(m, n) or (w[at(m, n) + MODE] == CLOSED and not is_rigid(m, n)):
-            m.pivots[plan[TOUCHING] + count] = n
+            m.pivots[plan[FACTOR_ROWS] + count] = n
             count += 1
     m.pivots[YIELDING] = count
-    if count == first and plan[HOLDS] == plan[DRIVES]:
+    if count == first and plan[FRICTIONS] == plan[DRIVES]:
         return
     for i in range(size):
         m.u[i] = state[1 + size + i] + 0.5 * h * state[1 + 2 * size + i]
     move(m, 0)
     for r in range(first, count):
-        n = m.pivots[plan[TOUCHING] + r]
+        n = m.pivots[plan[FACTOR_ROWS] + r]
         k, law = fill_contact(m, n), m.acts[act_of(m, n), LAW]
         if is_rigid(m, n):
             continue
@@ -99,10 +99,10 @@ def collect_rows(m, h, state):
     if count + more > first:
         m.pivots[BY_FORCES] = width(m) == 6
     for r in range(first, count + more):
-        along(m, m.pivots[plan[TOUCHING] + r])
+        along(m, m.pivots[plan[FACTOR_ROWS] + r])
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def note_jams(m, t, step, A):
     """Record the first time at which friction jams a contact, by the factors of a step that is taken.
@@ -128,7 +128,7 @@ def note_jams(m, t, step, A):
                 w[since] = t
 
 
-@of_contacts(0.0)
+@if_contacts(0.0)
 @njit(**OPTIONS)
 def change_of_gaps(m, h, real, pair, one, two, A, B):
     """Largest change of a gap by an iteration of one stage, in errors allowed."""
@@ -146,14 +146,14 @@ def change_of_gaps(m, h, real, pair, one, two, A, B):
     return largest
 
 
-@of_contacts(None)
+@if_contacts(None)
 @njit(**OPTIONS)
 def resist_defect(m, step, A, answer):
     """Subtract the effect of the rows on a defect, at ACCEL, from the forces: see ``collocation._error``."""
     no_inline()
     plan, w, size = m.plan, m.w, m.plan[COORDINATES]
     for r in range(plan[VIRTUAL], m.pivots[YIELDING]):
-        n = m.pivots[plan[TOUCHING] + r]
+        n = m.pivots[plan[FACTOR_ROWS] + r]
         k, g = at(m, n), gradient_at(m, n)
         slope = w[k + VISCOUS] + step * w[k + STIFF] + _bristle_slope(m, n, step)
         share = 0.0 if n >= 0 and is_rigid(m, n) else step * slope * product(w, g, m.du, size)
@@ -161,7 +161,7 @@ def resist_defect(m, step, A, answer):
             A[answer + i] -= share * w[g + i]
 
 
-@of_contacts(0.0)
+@if_contacts(0.0)
 @njit(**OPTIONS)
 def error_of_gaps(m, table, h, state, step, A, answer):
     """Largest error of a gap, and of the deflection of bristles, by the defect at ACCEL and the answer to it, as an
@@ -169,7 +169,7 @@ def error_of_gaps(m, table, h, state, step, A, answer):
     no_inline()
     plan, w, size, largest = m.plan, m.w, m.plan[COORDINATES], 0.0
     for r in range(plan[VIRTUAL], m.pivots[YIELDING]):
-        n = m.pivots[plan[TOUCHING] + r]
+        n = m.pivots[plan[FACTOR_ROWS] + r]
         k, g = at(m, n), gradient_at(m, n)
         error = abs(product(w, g, m.du, size) + product(w, g, shifted(A, answer), size))
         if n >= 0:
@@ -181,7 +181,7 @@ def error_of_gaps(m, table, h, state, step, A, answer):
     return largest
 
 
-@of_holds(0.0)
+@if_frictions(0.0)
 @njit(**OPTIONS)
 def _bristle_slope(m, n, step):
     """Derivative of a force of bristles with respect to the speed, for a step; 0 of other rows."""
@@ -189,7 +189,7 @@ def _bristle_slope(m, n, step):
     return lugre.step_damping(m.w, k, law_at(m, n), step) * m.w[k + BY_SPEED] if m.w[k + MODE] == BENDING else 0.0
 
 
-@of_holds(0.0)
+@if_frictions(0.0)
 @njit(**OPTIONS)
 def _bristle_error(m, n, table, h, state, step, error):
     """Error of the bristles' deflection as a share of its largest, by that of the slip's acceleration; 0 of other
@@ -201,18 +201,18 @@ def _bristle_error(m, n, table, h, state, step, error):
     return (error * lugre.sensitivity(w, k, j, step) + own / (0.5 * h * h)) / w[m.plan[TOUCH] + PRECISION]
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def store_stage(m, i):
     """Store results of frictions in a stage: accelerations of all, and forces of slipping ones."""
     no_inline()
     plan, w = m.plan, m.w
     for n in range(-frictions(m), 0):
-        w[plan[STAGE_H] + frictions(m) * (i + 1) + n] = w[at(m, n) + SLIP_RATE]
+        w[plan[STAGE_F] + frictions(m) * (i + 1) + n] = w[at(m, n) + SLIP_RATE]
         w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)] = w[at(m, n) + FORCE]
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def prescribe_in_stages(m, into, A, B):
     """Prescribe zero accelerations of sticking friction to an iteration of the stages; for bristles the missing
@@ -220,7 +220,7 @@ def prescribe_in_stages(m, into, A, B):
     no_inline()
     plan, w, count = m.plan, m.w, frictions(m)
     for n in range(-count, 0):
-        own = plan[STAGE_H] + count + n
+        own = plan[STAGE_F] + count + n
         a_0, a_1, a_2 = w[own], w[own + count], w[own + 2 * count]
         stuck = w[at(m, n) + MODE] == STICKING or w[at(m, n) + MODE] == BENDING
         one = -(into[0].real * a_0 + into[1].real * a_1 + into[2].real * a_2)
@@ -229,10 +229,10 @@ def prescribe_in_stages(m, into, A, B):
         B[plan[WANTED] - 1 - n] = two if stuck else 0.0 * two
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def deflect_bristles(m, table, h, state):
-    """Deflection of bristles in the stages of a step h; STAGE_H gets their force minus the stages'."""
+    """Deflection of bristles in the stages of a step h; STAGE_F gets their force minus the stages'."""
     no_inline()
     plan, w = m.plan, m.w
     for n in range(-frictions(m), 0):
@@ -241,10 +241,10 @@ def deflect_bristles(m, table, h, state):
             lugre.deflect(table, h, w, k, law_at(m, n), state[memory_place(m, n)])
             for i in range(3):
                 has = w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)]
-                w[plan[STAGE_H] + frictions(m) * (i + 1) + n] = has - w[k + NODES + 7 + 4 * i]
+                w[plan[STAGE_F] + frictions(m) * (i + 1) + n] = has - w[k + NODES + 7 + 4 * i]
 
 
-@of_holds(None)
+@if_frictions(None)
 @njit(**OPTIONS)
 def finish_bristles(m, table, h, state):
     """Set the bristles' deflection at the end of a step h."""
@@ -258,7 +258,7 @@ def finish_bristles(m, table, h, state):
             w[k + MEMORY] = lugre.deflection_at_end(table, h, w, k, law_at(m, n), state[memory_place(m, n)])
 
 
-@of_holds(True)
+@if_frictions(True)
 @njit(**OPTIONS)
 def restore_stuck(m, t, h, A):
     """Return sticking frictions to their positions and to zero speed, after a step of h; False: singular."""
