@@ -52,23 +52,29 @@ class Variable:
 
 @dataclass(frozen=True, eq=False)
 class Fmu:
-    """Content of the file, its platform (None: sources only), names of sensors, of unread ones and of inputs."""
+    """Content of the file, its platform (None: sources only), names of sensors, of unread ones, of inputs, and of
+    numbers that would be parameters with a start from zero."""
 
     content: bytes
     compiled_for: str | None
     outputs: tuple[str, ...]
     unread: tuple[str, ...]
     inputs: tuple[str, ...]
+    fixed: tuple[str, ...]
 
     def __repr__(self) -> str:
         return f"Fmu({len(self.outputs)} outputs, {len(self.inputs)} inputs, {len(self.content)} bytes)"
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sensors that are left out, and a missing library."""
-        left = f"left out (angles of bodies that rotate continuously): {', '.join(self.unread)}"
+        """Sensors and parameters that are left out, and a missing library."""
+        left_out = {
+            "left out (angles of bodies that rotate continuously)": self.unread,
+            "no parameters, as the initial state depends on them (--set solve.start=zero offers them)": self.fixed,
+        }
         missing = "not compiled (no C compiler found); the FMU contains the sources"
-        return (left,) * bool(self.unread) + (missing,) * (self.compiled_for is None)
+        found = [f"{text}: {', '.join(names)}" for text, names in left_out.items() if names]
+        return (*found, *(missing,) * (self.compiled_for is None))
 
     def save(self, path: Path | str) -> None:
         """Write the file, whole or not at all. Raises OutputError."""
@@ -88,7 +94,8 @@ def export_fmu(scene: SceneLike, progress: Callable[[str], None] | None = None) 
     -------
     Fmu
         Inputs are the values of constant loads [N or N m], parameters the drives' speeds and angles and the offsets of
-        tables, outputs the sensors. It starts from the initial state of the scene's run, also if parameters change.
+        tables, outputs the sensors. It starts from the initial state of the scene's run; parameters on which this state
+        depends (start periodic or quasistatic) are left out.
 
     Raises
     ------
@@ -123,21 +130,22 @@ def export_fmu(scene: SceneLike, progress: Callable[[str], None] | None = None) 
         files[compiled[0]] = compiled[1]
     inputs = tuple(each.name for each in variables if each.causality in ("input", "parameter"))
     place = None if compiled is None else compiled[0].split("/")[1]
-    return Fmu(_packed(files), place, (*made.readings.sensors,), tuple(unread(made.readings, made.model)), inputs)
+    fixed = tuple(each.name for _, each in _settable(made.model, any_start=True) if each.name not in inputs)
+    return Fmu(_packed(files), place, (*made.readings.sensors,), (*unread(made.readings, made.model),), inputs, fixed)
 
 
-def _settable(model: Model) -> Iterator[tuple[int, Variable]]:
+def _settable(model: Model, any_start: bool = False) -> Iterator[tuple[int, Variable]]:
     """Places in p of the variables that can be set, parameters last.
 
-    Excluded are numbers on which precomputed data depend: integrated or tabulated motions, frozen matrices, modes;
-    in space drives and tables, on which the Fourier series of the motion depend.
+    Excluded are numbers on which precomputed data depend: integrated or tabulated motions, frozen matrices, modes, the
+    initial state (unless ``any_start``); in space drives and tables, on which the motion's Fourier series depend.
     """
     parameters = model.module.PARAMETERS
     if model.module.FREE:
         return
     modal = model.scene.damping is not None and model.scene.damping.modal is not None
     plain = model.options.dynamics == "dynamic" and model.modal_basis is None and not modal
-    plain = plain and model.in_space is None
+    plain = plain and model.in_space is None and (any_start or model.options.start in ("zero", "given"))
     for causality, names in (("input", _AT_ANY_TIME), ("parameter", _BEFORE if plain else ())):
         for place, (path, unit) in enumerate(parameters):
             table, _, name = path.split(".", 2) if path.count(".") >= 2 else (path, "", "")

@@ -31,7 +31,7 @@ typedef struct {
 
     const double *nodes;          /* of the stages, in steps */
     const double *weights;        /* of the method */
-    const double *z_0;            /* where it begins */
+    const double *z_0;            /* where it begins with these p; with others the start may be another one */
     const double *v_0;
     const char *const *coordinates; /* their names */
 } kaneflex_linear;

@@ -177,7 +177,7 @@ def steps(z, v, loaded=1.0):
 FROM_STATE = '''
 
 def trajectory():
-    """States z, z', z'' at all instants, (3, STEPS + 1, N), from the initial state."""
+    """States z, z', z'' at all instants, (3, STEPS + 1, N), from the initial state with the numbers above."""
     z, v = (np.array(each).reshape(N, 1) for each in <<start>>)
     M, C, K, F, _ = equations(0.0)
     first = z, v, np.linalg.solve(M, F[:, None] - C @ v - K @ z)
