@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.time.run import Run, finished
-from kaneflex.solve.coupled import as_result, beginning, method_of
+from kaneflex.solve.coupled import beginning, method_of, result_of
 from kaneflex.solve.solution import Solution
 
 PIECE = 100
@@ -25,7 +25,7 @@ def scipy_motion(model) -> Solution:
     for first in range(0, len(times) - 1, PIECE):
         follow(run, times[first : first + PIECE + 1])
     run.pieces.append((run.table, run.engine.choice))
-    return Solution.of(as_result(model, finished(run, (Outcome.COMPLETED, "completed"), 0.0), 0.0))
+    return Solution.of(result_of(model, finished(run, (Outcome.COMPLETED, "completed"), 0.0), 0.0))
 
 
 def follow(run, times):

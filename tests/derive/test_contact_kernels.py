@@ -8,7 +8,7 @@ from numba import njit
 from scipy.integrate import solve_ivp
 
 from kaneflex.generated import contact
-from kaneflex.mechanism.contacts import CHI, chi_that_returns, hysteresis, returned
+from kaneflex.mechanism.contacts import CHI, chi_for_restitution, hysteresis, restitution_of
 
 ASKED = (0.9, 0.7, 0.5, 0.3, 0.1)
 RETURNED = {
@@ -75,7 +75,7 @@ def test_restitution_that_a_law_returns_is_not_what_it_is_asked_for(law):
     for asked, expected in zip(ASKED, RETURNED[law], strict=True):
         chi = hysteresis(law, asked)
         assert comes_back(law, numbers(chi=chi)) == pytest.approx(expected, abs=1e-6)
-        assert returned(chi) == pytest.approx(expected, abs=1e-6)
+        assert restitution_of(chi) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("n", [1.0, 1.5, 2.0])
@@ -88,15 +88,15 @@ def test_exact_law_returns_what_is_asked_for(asked, n):
 
 def test_exact_chi_at_its_ends_and_between():
     """Near one it is Hunt and Crossley's, which is its first term; near zero 1/e."""
-    assert chi_that_returns(1.0) == 0.0 == hysteresis("hertz", 0.3)
-    assert chi_that_returns(1 - 1e-12) == pytest.approx(CHI["hunt-crossley"](1 - 1e-12), rel=1e-3)
+    assert chi_for_restitution(1.0) == 0.0 == hysteresis("hertz", 0.3)
+    assert chi_for_restitution(1 - 1e-12) == pytest.approx(CHI["hunt-crossley"](1 - 1e-12), rel=1e-3)
     for e in (1e-6, 1e-3, 0.02, 0.03, *np.linspace(0.05, 0.99, 48), 1 - 1e-6):
-        chi = chi_that_returns(e)
-        assert returned(chi) == pytest.approx(e, abs=1e-9)
+        chi = chi_for_restitution(e)
+        assert restitution_of(chi) == pytest.approx(e, abs=1e-9)
         if 0.05 <= e <= 0.99:
             assert (1 + chi) / (1 - e * chi) == pytest.approx(math.exp(chi * (1 + e)), rel=1e-6)
-    assert chi_that_returns(1e-6) == pytest.approx(1e6)
-    assert returned(1e6) == pytest.approx(1e-6)
+    assert chi_for_restitution(1e-6) == pytest.approx(1e6)
+    assert restitution_of(1e6) == pytest.approx(1e-6)
 
 
 def test_kelvin_voigt_returns_what_its_damping_ratio_says():

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from kaneflex.fem.assembly import assemble
 from kaneflex.fem.coordinate_map import to_link_axes
 from kaneflex.fem.links import Part
-from kaneflex.mechanism.affine import Affine, kept
+from kaneflex.mechanism.affine import Affine, dense_if_small
 from kaneflex.multibody.model import building
 
 R, L, SPEED = 0.040, 0.137, 2 * np.pi * 100
@@ -239,4 +239,4 @@ def test_coordinates_are_ordered_as_by_scipy(size):
         pattern = csr_array((random.random((size, size)) < share) | np.eye(size, dtype=bool), dtype=float)
         pattern = pattern + pattern.T
         expected = reverse_cuthill_mckee(pattern, symmetric_mode=True)
-        assert building._reverse_cuthill_mckee(kept(pattern)) == expected.tolist()
+        assert building._reverse_cuthill_mckee(dense_if_small(pattern)) == expected.tolist()

@@ -18,7 +18,7 @@ from kaneflex.response.coupled_motion import FloatingMotion
 from kaneflex.response.dalembert import Balance, balanced
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.sensors import Sensor
-from kaneflex.solve.coupled import as_result
+from kaneflex.solve.coupled import result_of
 
 
 def path(system: System, *parts: np.ndarray) -> np.ndarray:
@@ -39,7 +39,7 @@ def test_rates_are_the_derivatives_of_places():
     q, v, a = 0.05 * np.sin(angle), 0.05 * rates * np.cos(angle), -0.05 * rates**2 * np.sin(angle)
     moved, rows = path(given.coupled, q, v, a), np.zeros((len(times), len(given.coupled.engine.row(0.0))))
     rows[:, 0] = times
-    solution = as_result(given, by_themselves(given.coupled, rows, moved), 0.0)
+    solution = result_of(given, by_themselves(given.coupled, rows, moved), 0.0)
     motion, xs = solution.motion, (0.0, 0.11, 0.3)
     found = {"shapes": solution.coordinates} | {x: motion.moving.moving_place("rod", (x, 0.0)) for x in xs}
     found |= {f"{x} in its body": motion.displacement("rod", (x, 0.0)) for x in xs}

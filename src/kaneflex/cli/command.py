@@ -27,32 +27,32 @@ Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 
 
-def _tell(ctx: click.Context, level: int) -> None:
+def _set_log_level(ctx: click.Context, level: int) -> None:
     """Set the log level until the command ends."""
     ctx.call_on_close(partial(LOG.setLevel, LOG.level))
     LOG.setLevel(level)
 
 
-def _say_less(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+def _less_output(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if wanted:
         nowhere = ctx.with_resource(open(os.devnull, "w", encoding="utf-8"))
         ctx.with_resource(redirect_stdout(nowhere))
-        _tell(ctx, logging.WARNING)
+        _set_log_level(ctx, logging.WARNING)
 
 
-def _say_more(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+def _more_output(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if wanted:
         logging.basicConfig(format="%(message)s")
-        _tell(ctx, logging.INFO)
+        _set_log_level(ctx, logging.INFO)
 
 
 _LOUDNESS = (
     click.Option(
-        ["-q", "--quiet"], is_flag=True, is_eager=True, expose_value=False, callback=_say_less,
+        ["-q", "--quiet"], is_flag=True, is_eager=True, expose_value=False, callback=_less_output,
         help="Print only errors and warnings.",
     ),
     click.Option(
-        ["-v", "--verbose"], is_flag=True, is_eager=True, expose_value=False, callback=_say_more,
+        ["-v", "--verbose"], is_flag=True, is_eager=True, expose_value=False, callback=_more_output,
         help="Print each stage and its time on stderr.",
     ),
 )  # fmt: skip
@@ -120,7 +120,7 @@ def output_option(metavar: str, help: str = "File to write.", required: bool = F
     return path_option("-o", "--output", metavar=metavar, help=help, required=required)
 
 
-def together(*parts: Decorator) -> Decorator:
+def combined_options(*parts: Decorator) -> Decorator:
     """Combine several options, in their order."""
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
@@ -155,14 +155,14 @@ class Target(NamedTuple):
 
 
 no_plots = click.option("--no-plots", "plots", is_flag=True, flag_value=False, default=True, help="Draw no pictures.")
-which_pictures = together(
+which_pictures = combined_options(
     click.option(
         "--plots", "kinds", metavar="KINDS",
         help="Pictures to draw, comma-separated, see `kaneflex plot --help`. [default: mechanism,sensors,loads]",
     ),
     no_plots,
 )  # fmt: skip
-moving_options = together(
+moving_options = combined_options(
     click.option("--frames", type=Count(min=2), metavar="N", help="Number of frames of an animation. [default: 60]"),
     click.option(
         "--seconds", type=Real(min=0.1, max=3600.0), metavar="S",
@@ -173,14 +173,14 @@ moving_options = together(
 
 def folder_options(ending: str, plots: Decorator = no_plots) -> Decorator:
     """Options that give a :class:`Target`; ``ending`` is the default ending of the folder's name."""
-    return together(
+    return combined_options(
         output_option("DIR", f"Folder to make. [default: NAME-{ending}]"),
         plots,
         click.option("--force", is_flag=True, help="Replace an existing folder of this command."),
     )
 
 
-def into(
+def write_into_folder(
     target: Target, mark: str, compute: Callable[[Callable[[str], None]], Found],
     write: Callable[[Found, Path], None], picture: str,
 ) -> Found:  # fmt: skip

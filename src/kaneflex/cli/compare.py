@@ -15,11 +15,11 @@ from kaneflex.cli.command import (
     Target,
     command,
     folder_options,
-    into,
     json_option,
     names_option,
     print_json,
     write_csv,
+    write_into_folder,
     write_json,
 )
 from kaneflex.cli.scene import SceneArguments, gathered, scene_options
@@ -69,7 +69,7 @@ def compare(
     resolution = Resolution(peer_elements, peer_steps)
     target = target.named(scene, "comparison")
     names = list(presets) or None
-    comparison = into(
+    comparison = write_into_folder(
         target, COMPARISON_FILE, lambda stage: side_by_side(scene, names, against, stage, peer, resolution),
         lambda found, folder: _write(found, asked.changes, folder), "overlay",
     )  # fmt: skip

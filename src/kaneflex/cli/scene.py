@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from kaneflex.cli.command import Decorator, names_option, together
+from kaneflex.cli.command import Decorator, combined_options, names_option
 from kaneflex.support.errors import SceneError, naming, nearest
 from kaneflex.support.terminal import echo
 
@@ -102,7 +102,7 @@ scene_argument = click.argument("name", metavar="SCENE", shell_complete=complete
 
 def scene_options(*names: str) -> Decorator:
     """Argument SCENE and the options that change it: all, or those of these names."""
-    return together(scene_argument, *(_OPTIONS[name] for name in names or _OPTIONS))
+    return combined_options(scene_argument, *(_OPTIONS[name] for name in names or _OPTIONS))
 
 
 def read(name: str, settings: list[str]) -> Scene:
@@ -208,7 +208,7 @@ tolerance_option = click.option(
     help="Choose the cheapest model (least computing time) whose error in each sensor is within this share of its "
     "peak, like 1%.",
 )  # fmt: skip
-tolerance_options = together(
+tolerance_options = combined_options(
     tolerance_option, names_option("--sensors", help="With --tolerance: sensors that must meet it. [default: all]")
 )
 

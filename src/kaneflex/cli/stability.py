@@ -13,10 +13,10 @@ from kaneflex.cli.command import (
     Target,
     command,
     folder_options,
-    into,
     json_option,
     print_json,
     write_csv,
+    write_into_folder,
     write_json,
 )
 from kaneflex.cli.scene import SceneArguments, gathered, quantity, say_plain, scene_options
@@ -70,7 +70,9 @@ def stability(
     elif points is not None:
         raise SceneError("--points", points, "requires --vary", "Add --vary DRIVE.speed=LOW:HIGH, or leave it out")
     target = target.named(scene, "stability")
-    found = into(target, STABILITY_FILE, lambda stage: judged(scene, speeds, stage, multiples), _write, "stability")
+    found = write_into_folder(
+        target, STABILITY_FILE, lambda stage: judged(scene, speeds, stage, multiples), _write, "stability"
+    )
     if as_json:
         print_json(found.as_data())
         return

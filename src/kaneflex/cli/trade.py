@@ -12,14 +12,14 @@ import click
 from kaneflex.cli.command import (
     Decorator,
     Target,
+    combined_options,
     command,
     folder_options,
-    into,
     json_option,
     names_option,
     print_json,
-    together,
     write_csv,
+    write_into_folder,
     write_json,
 )
 from kaneflex.cli.scene import UNKNOWN, SceneArguments, gathered, percent, quantity, scene_options, tolerance_of
@@ -37,7 +37,7 @@ Weighed = TypeVar("Weighed", "Trade", "Terms")
 
 def _options(ending: str) -> Decorator:
     """Options of both commands; ``ending`` is the default ending of the folder's name."""
-    return together(
+    return combined_options(
         scene_options("preset", "settings"),
         click.option("--tolerance", default="1%", metavar="SHARE", help="Allowed error per sensor.", show_default=True),
         click.option("--budget", default="60s", metavar="TIME", help="Time limit of all runs.", show_default=True),
@@ -118,7 +118,7 @@ def _weigh(
     def ask(stage: Callable[[str], None]) -> Weighed:
         return question(scene, share, seconds, limits["sensors"] or None, stage)
 
-    found, as_json = into(target, f"{ending}.json", ask, write, ending), limits["as_json"]
+    found, as_json = write_into_folder(target, f"{ending}.json", ask, write, ending), limits["as_json"]
     if as_json:
         print_json(whole(found)[0])
     else:

@@ -29,7 +29,7 @@ _FEW = 10_000
 """Largest number of entries of a dense matrix: an operation on a sparse one costs as much as thousands of entries."""
 
 
-def kept(matrix: Matrix | list) -> Matrix:
+def dense_if_small(matrix: Matrix | list) -> Matrix:
     """Dense array of a small matrix, else a sparse one."""
     if hasattr(matrix, "toarray"):
         return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FEW else sparse(matrix)
@@ -65,7 +65,7 @@ def entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return rows, columns, matrix[rows, columns]
 
 
-def _is_there(matrix: Matrix) -> bool:
+def _is_nonzero(matrix: Matrix) -> bool:
     """True if any entry is not zero."""
     return bool(np.count_nonzero(matrix) if isinstance(matrix, np.ndarray) else matrix.count_nonzero())
 
@@ -108,7 +108,7 @@ class Affine:
     @staticmethod
     def term(monomial: Iterable[str], matrix: Matrix | list) -> Affine:
         """Single term: a product of scalars times a matrix."""
-        matrix = kept(matrix)
+        matrix = dense_if_small(matrix)
         return Affine(matrix.shape, {tuple(sorted(monomial)): matrix})
 
     def __add__(self, other: Affine) -> Affine:
@@ -129,13 +129,13 @@ class Affine:
             a = sparse(a) if large else a
             for right, b in other.terms.items():
                 ab = a @ (sparse(b) if large else b)
-                if _is_there(ab):
+                if _is_nonzero(ab):
                     _add(terms, tuple(sorted(left + right)), ab)
-        return Affine((self.shape[0], other.shape[1]), {monomial: kept(ab) for monomial, ab in terms.items()})
+        return Affine((self.shape[0], other.shape[1]), {monomial: dense_if_small(ab) for monomial, ab in terms.items()})
 
     @property
     def T(self) -> Affine:
-        return Affine(self.shape[::-1], {monomial: kept(matrix.T) for monomial, matrix in self.terms.items()})
+        return Affine(self.shape[::-1], {monomial: dense_if_small(matrix.T) for monomial, matrix in self.terms.items()})
 
     @cached_property
     def rate(self) -> Affine:
@@ -158,19 +158,19 @@ class Affine:
         terms: dict[Monomial, Matrix] = {}
         for monomial, matrix in self.terms.items():
             factor = math.prod(constants[name] for name in monomial if name in constants)
-            if factor and _is_there(matrix):
+            if factor and _is_nonzero(matrix):
                 rest = tuple(name for name in monomial if name not in constants)
                 _add(terms, rest, matrix if factor == 1.0 else factor * matrix)
         return Affine(self.shape, terms)
 
     def congruent(self, basis: Matrix) -> Affine:
         """Projection B^T A B with a constant basis B, term by term."""
-        return Affine((basis.shape[1],) * 2, {m: kept(basis.T @ a @ basis) for m, a in self.terms.items()})
+        return Affine((basis.shape[1],) * 2, {m: dense_if_small(basis.T @ a @ basis) for m, a in self.terms.items()})
 
     def projected(self, basis: Matrix) -> Affine:
         """Projection B^T A with a constant basis B, term by term (a load in reduced coordinates)."""
         shape = (basis.shape[1], self.shape[1])
-        return Affine(shape, {m: kept(basis.T @ a) for m, a in self.terms.items()})
+        return Affine(shape, {m: dense_if_small(basis.T @ a) for m, a in self.terms.items()})
 
     @cached_property
     def monomials(self) -> tuple[Monomial, ...]:

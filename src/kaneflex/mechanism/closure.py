@@ -51,7 +51,7 @@ def check_loops(mechanism: NumericMechanism, rigid: RigidMotion) -> None:
             continue
         joint = mechanism.joints[name.removesuffix(".closure")]
         at = drive_positions(mechanism, near, int(np.argmin(near[name] if closes.all() else closes)))
-        reason = f"the loop cannot close: at {at} {apart(joint)}"
+        reason = f"the loop cannot close: at {at} {reason_open(joint)}"
         if closes.all():
             reason = f"singular position: at {at} {' and '.join(joint.bodies)} lie on one line, joint forces are "
             reason += "infinite and two branches meet"
@@ -81,7 +81,7 @@ def changed_speed(entry: str, given: float, found: float) -> SceneError:
     )  # fmt: skip
 
 
-def apart(joint: Joint) -> str:
+def reason_open(joint: Joint) -> str:
     """Reason why a loop's closing joint can't close it."""
     first, second = joint.bodies
     if joint.slides:

@@ -123,7 +123,7 @@ def push(law: str, K: Number, n: Number, chi: Number, v_0: Number, depth: Number
 def hysteresis(law: str, restitution: float) -> float:
     """Coefficient chi of a law for a restitution 0 < e <= 1; 0 for Hertz's law, which is lossless."""
     if law == "exact":
-        return chi_that_returns(restitution)
+        return chi_for_restitution(restitution)
     return float(CHI[law](restitution)) if law in CHI else 0.0
 
 
@@ -149,7 +149,7 @@ def _excess(e: float, chi: float) -> float:
     return (math.log1p(chi) - math.log1p(-e * chi) - chi * (1 + e)) / chi**2
 
 
-def chi_that_returns(e: float) -> float:
+def chi_for_restitution(e: float) -> float:
     """Coefficient chi with exactly the restitution 0 < e <= 1; about 1.5 (1 - e) near e = 1."""
     if e == 1:
         return 0.0
@@ -162,7 +162,7 @@ def chi_that_returns(e: float) -> float:
     return _root(lambda chi: _excess(e, chi), least, most)
 
 
-def returned(chi: float) -> float:
+def restitution_of(chi: float) -> float:
     """Restitution of a contact with chi >= 0, from 1 at chi = 0 towards 0."""
     if chi == 0:
         return 1.0

@@ -19,7 +19,7 @@ from kaneflex.mechanism.spatial import across
 from kaneflex.plots.outlines import aligned, view_of
 from kaneflex.plots.style import GREY, PALETTE, TOUCHED, legend_beside, new_figure, readable
 from kaneflex.plots.view import View, view
-from kaneflex.solve.touching import eccentricity, record_of, worn
+from kaneflex.solve.touching import eccentricity, record_of, worn_volume
 
 if TYPE_CHECKING:
     from kaneflex.response.motion import Motion
@@ -105,7 +105,7 @@ def _wear(shown: View, name: str, loose: LooseJoint) -> Figure:
     motion, first = shown.solution.motion, loose.sides[0].body
     around, sectors = np.zeros(_SECTORS), np.linspace(0.0, 2.0 * np.pi, _SECTORS + 1)
     ends = dict(zip(_ENDS[:2] if loose.axis else ("pin",), loose.contacts, strict=False))
-    volumes = {end: worn(shown.solution, key) for end, key in ends.items()}
+    volumes = {end: worn_volume(shown.solution, key) for end, key in ends.items()}
     for end, key in ends.items():
         if loose.axis:
             x, y = _picture(motion, loose)[0](motion.clearance(key))

@@ -325,9 +325,9 @@ def restitution_line(contact: Contact) -> str:
         return f"law {law}, damping {contact.contact.damping:.6g} {unit}, its restitution depends on the masses"
     if law == "newton" or asked is None:
         return f"law {law}, restitution {1.0 if asked is None else asked:.3g}"
-    from kaneflex.mechanism.contacts import hysteresis, returned
+    from kaneflex.mechanism.contacts import hysteresis, restitution_of
 
-    found = returned(hysteresis(law, asked))
+    found = restitution_of(hysteresis(law, asked))
     return f"law {law}, restitution {found:.3g}" + ("" if law == "exact" else f", requested {asked:.3g}")
 
 

@@ -14,7 +14,7 @@ from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.rigid_bodies import Site
 from kaneflex.response.deformation import Deformation, attached_forces, deform, demanded, follow
 from kaneflex.response.foreshortening import Displaced, displaced
-from kaneflex.response.motion import Motion, Section, beside
+from kaneflex.response.motion import Motion, Section, displacement_of_arm
 from kaneflex.response.reactions import Solver, consistent_reactions, spatial_reactions
 
 if TYPE_CHECKING:
@@ -42,11 +42,11 @@ class ElasticMotion(Motion):
     def displacement(self, body: str, at: tuple[float, ...] = (0.0, 0.0)) -> Rates:
         model = self.model
         if body in model.links:
-            return beside(self._displaced.links[body].at(at[0]), (0.0, *at[1:]))
+            return displacement_of_arm(self._displaced.links[body].at(at[0]), (0.0, *at[1:]))
         if model.frame is None or body not in model.frame.bodies:
             return self._still()
         moved = follow(model, self.rigid, self._displaced.coordinates, model.frame.bodies[body])
-        return beside(self._in_axes(body, moved) if self.rigid.freedoms == 3 else moved, at)
+        return displacement_of_arm(self._in_axes(body, moved) if self.rigid.freedoms == 3 else moved, at)
 
     def nodes(self, link: str, rate: int = 0) -> np.ndarray:
         """Same as :meth:`Motion.nodes`; ``rate`` 1: velocities."""

@@ -197,7 +197,7 @@ class RigidForces(Motion):
         return self._still()
 
 
-def beside(moved: Rates, arm: Sequence[float]) -> Rates:
+def displacement_of_arm(moved: Rates, arm: Sequence[float]) -> Rates:
     """Displacement of a point at an arm [m] from another one, whose displacement is ``moved`` and with which it turns;
     (3, n_times) each, in space (6, n_times)."""
     if not any(arm):

@@ -28,7 +28,7 @@ from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialMod
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.response.coupled_motion import FloatingMotion
 from kaneflex.solve.events import happens, until_stop
-from kaneflex.solve.initial import SavedState, closed_state, given_start, laid_state, state_after
+from kaneflex.solve.initial import SavedState, closed_state, given_start, state_after, written_state
 from kaneflex.solve.quasistatic import slow_state
 from kaneflex.solve.run_checks import check_laws, check_repeats
 from kaneflex.solve.run_result import RunResult
@@ -55,7 +55,7 @@ def simulate_coupled(
     stops = [event for event in model.scene.events.values() if event.stop and model.coupled is not None]
 
     def stop(part: CoupledTrajectory) -> bool:
-        return happens(as_result(model, part, 0.0), stops)
+        return happens(result_of(model, part, 0.0), stops)
 
     if options.start == "periodic":
         trajectory = repeated(model, times, near and near[0], progress, closer)
@@ -64,7 +64,7 @@ def simulate_coupled(
         trajectory = integrate(system, start, times, method_of(model), progress, stop if stops else None)
     if near is not None:
         trajectory.curve.turned = near[1]
-    return until_stop(as_result(model, trajectory, time.perf_counter() - started))
+    return until_stop(result_of(model, trajectory, time.perf_counter() - started))
 
 
 def repeated(
@@ -100,7 +100,7 @@ def _of_cycle(model: Model, near: State | None) -> tuple[Equations, State]:
     return Equations(system, choice), system.project(0.0, start.q, start.u, choice)
 
 
-def along(model: Model, run: Run) -> SpatialKinematics:
+def motion_along_run(model: Model, run: Run) -> SpatialKinematics:
     """Motion of a mechanism in space along its run, with the checks that need it."""
     from kaneflex.solve.engine_loading import with_open_reactions
 
@@ -116,7 +116,7 @@ def along(model: Model, run: Run) -> SpatialKinematics:
 def method_of(model: Model) -> Method:
     """Integration method of a model's options; without coupling that of the motion before anything deforms."""
     options, scene = model.options, model.scene
-    size = model.motion.module.system.mechanism.size if scene.is_spatial else longest(model)
+    size = model.motion.module.system.mechanism.size if scene.is_spatial else mechanism_size(model)
     if options.dynamics != "coupled":
         return Method("radau", options.forward_tolerance, size, entry="solve.forward.tolerance")
     return Method(options.integrator, options.tolerance, size, options.bounded)
@@ -159,7 +159,7 @@ def _given(model: Model, start: State) -> State:
     """
     system, tables = model.coupled, given_start(model.scene.solve)
     assert system is not None
-    laid, engine = laid_state(tables, system, start), system.engine
+    laid, engine = written_state(tables, system, start), system.engine
     before, _ = system.frames(laid)
     q = unwrapped(system, before, model.module.start.drives, system.start)
     laws = [law for law in map(model.scene.law, model.scene.loads) if law is not None]
@@ -172,12 +172,12 @@ def _given(model: Model, start: State) -> State:
     return closed_state(tables, system, given, engine.chosen_at(given, asked or engine.free_drives))
 
 
-def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> RunResult:
+def result_of(model: Model, trajectory: CoupledTrajectory, seconds: float) -> RunResult:
     """Solution of a coupled trajectory; the free joints of its rigid mechanism follow the coupled motion."""
     system, rigid = model.coupled, model.motion
     if system is None:
         curve = trajectory.curve
-        model = replace(model, motion=along(model, curve))
+        model = replace(model, motion=motion_along_run(model, curve))
         if curve.turned is not None:
             model = replace(model, reference_time=curve.start.t)
         elif model.module.FREE and len(trajectory.times) == len(curve.times):
@@ -192,7 +192,7 @@ def as_result(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
     return RunResult(replace(model, motion=replace(rigid, free=free, run=run)), trajectory, seconds)
 
 
-def longest(model: Model) -> float:
+def mechanism_size(model: Model) -> float:
     """Size of the mechanism [m]: longest body, else farthest ground point, else that of the rigid mechanism."""
     scene = model.scene
     length = max((body.length or 0.0 for body in scene.bodies.values()), default=0.0)

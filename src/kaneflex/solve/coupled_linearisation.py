@@ -22,7 +22,7 @@ from kaneflex.response.coupled_motion import CoupledMotion, coupled_motion
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.option_check import refuse_contacts
 from kaneflex.scene.sensors import Sensor
-from kaneflex.solve.coupled import as_result, undeformed
+from kaneflex.solve.coupled import result_of, undeformed
 from kaneflex.solve.run_result import RunResult
 from kaneflex.solve.summary_tables import UnresolvedMode
 from kaneflex.support.errors import SceneError
@@ -99,7 +99,7 @@ def readings(model: Model, found: Linear, sensors: Mapping[str, Sensor]) -> np.n
     else:
         near.states[:, 0] = near.times if system.mechanism.free else base.t  # free courses need ascending times
         found_there = by_themselves(system, near.states, near.records)
-        beside = cast(CoupledMotion, as_result(model, found_there, 0.0).motion)
+        beside = cast(CoupledMotion, result_of(model, found_there, 0.0).motion)
     rows = [(sensor_values(beside, each) * weights.ravel()).reshape(-1, 4).sum(axis=1) for each in sensors.values()]
     return np.array(rows).reshape(len(sensors), len(weights))
 

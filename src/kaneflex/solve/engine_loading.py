@@ -25,12 +25,7 @@ from kaneflex.mechanism.tight_start import as_it_starts
 from kaneflex.multibody.model.assembly import bound_system, build_system, rigid_system
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, reference_instant
-from kaneflex.multibody.model.determinacy import (
-    check_bearings,
-    check_freedoms,
-    check_sensors,
-    undetermined,
-)  # fmt: skip
+from kaneflex.multibody.model.determinacy import check_bearings, check_freedoms, check_sensors, undetermined
 from kaneflex.multibody.model.initial_state import choose, start_of
 from kaneflex.multibody.model.module_loading import bind_parameters
 from kaneflex.multibody.model.state import State
@@ -53,7 +48,7 @@ from kaneflex.scene.parts import Solve
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
 from kaneflex.scene.start import Start
-from kaneflex.solve.initial import closed_state, given_start, laid_state
+from kaneflex.solve.initial import closed_state, given_start, written_state
 from kaneflex.solve.run_checks import check_laws, check_memory
 from kaneflex.solve.touching import check_lines
 from kaneflex.support.errors import SceneError
@@ -82,7 +77,7 @@ def _in_space(scene: Scene, options: Options, progress: Progress) -> tuple[Model
         check_laws(Model(scene, options, rigid))
     model = _coupled_model(scene, options, motion) if coupled else build_model(scene, options, motion)
     check_stage(model)
-    beyond = _beyond(system, modes_of(scene.solve)) if coupled and not limits_modes(scene.solve) else []
+    beyond = _too_many_modes(system, modes_of(scene.solve)) if coupled and not limits_modes(scene.solve) else []
     return model, tuple(beyond), {"derive": derived, "compile": compiled}
 
 
@@ -174,7 +169,7 @@ def check_reference(motion: ReferenceKinematics, options: Options) -> None:
         )  # fmt: skip
 
 
-def _beyond(system: System, asked: int) -> list[str]:
+def _too_many_modes(system: System, asked: int) -> list[str]:
     """Warning for each link whose elements have fewer modes than the scene requests."""
     return [
         f"{name} has only {each.most} bending modes per plane, fewer than solve.modes = {asked}: "
@@ -190,7 +185,7 @@ def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) ->
     return replace(model, reference_time=reference_instant(replace(model, motion=rigid))[0])
 
 
-def beside(model: Model, scene: Scene, options: Options, alike: bool, frozen: bool) -> Model:
+def neighbour_of(model: Model, scene: Scene, options: Options, alike: bool, frozen: bool) -> Model:
     """Variant of :func:`kaneflex.solve.loading.neighbour` for these mechanisms; ``alike``: with its shapes' signs and
     scales. Else elements and numbers of modes alone differ, and the model is for its own equations only."""
     own, fixed = model.coupled_system, model if frozen else None
@@ -217,7 +212,7 @@ def _bound(system: System, scene: Scene, options: Options) -> SpatialKinematics:
         first = _given_state(system, given_start(scene.solve), start) if options.start == "given" else start
         return with_open_reactions(before_run(module, start, first), scene.sensors, options)
     if module.FREE:
-        return with_open_reactions(_standing(module, start), scene.sensors, options)
+        return with_open_reactions(_kinematics_at_rest(module, start), scene.sensors, options)
     motion = SpatialKinematics(module, system.parameters, Followed(system, start))
     _check_bushings(motion, options)
     return with_open_reactions(motion, scene.sensors, options)
@@ -238,10 +233,10 @@ def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tupl
     """Mechanism in space, its initial state, and its motion at that instant."""
     system, _ = build_system(scene, progress)
     start = start_of(system)
-    return system, start, _standing(SpatialModule(system), start).at(0.0)
+    return system, start, _kinematics_at_rest(SpatialModule(system), start).at(0.0)
 
 
-def _standing(module: SpatialModule, start: State) -> SpatialKinematics:
+def _kinematics_at_rest(module: SpatialModule, start: State) -> SpatialKinematics:
     """Kinematics of a mechanism in space that stays in its initial state."""
     system = module.system
     return SpatialKinematics(module, system.parameters, Standing(system, start))
@@ -288,7 +283,7 @@ def _given_state(system: System, tables: Start, start: State) -> State:
     Raises SceneError as :func:`kaneflex.solve.initial.closed_state`.
     """
     driven = system.columns(system.driven, COORDINATE)
-    given = laid_state(tables, system, start)
+    given = written_state(tables, system, start)
     turns = system.engine.turns[system.engine.prescribed]
     given.q[driven] -= turns * whole_turns(given.q[driven] - system.courses(start.t)[:, 0])
     # a complete state may lie far from the start, where other speeds are independent

@@ -15,7 +15,7 @@ import numpy as np
 
 from kaneflex.integrate.system import Outcome
 from kaneflex.response.time_statistics import statistics
-from kaneflex.solve.error_stages import REQUEST, TOGETHER, Progress, Read, Stage, Unknown, apart
+from kaneflex.solve.error_stages import REQUEST, TOGETHER, Progress, Read, Stage, Unknown, max_difference
 from kaneflex.solve.run_result import RunResult, nominal_seconds
 from kaneflex.support.errors import SceneError
 
@@ -113,7 +113,7 @@ def _estimates(read: Read, stages: list[Stage]) -> dict[str, ErrorEstimate]:
             values = {name: before[name] + _SECOND_ORDER * (values[name] - before[name]) for name in values}
         if kind == "coupling":
             values = {name: before[name] + values[name] for name in values}
-        found[kind] = {name: apart(values[name], before[name]) for name in values}
+        found[kind] = {name: max_difference(values[name], before[name]) for name in values}
         before = values
     coupling, none = found.pop("coupling", {}), None if TOGETHER in found else 0.0
     impacts = bool(read.model.scene.contacts)
@@ -122,7 +122,7 @@ def _estimates(read: Read, stages: list[Stage]) -> dict[str, ErrorEstimate]:
         shares = {kind: found.get(kind, {}).get(name, none) for kind in KINDS}
         both = [statistics(each[name], read.times) for each in (base, before)] if impacts else []
         shares["statistics"] = max(both[0].changes(both[1])) if both else None
-        return ErrorEstimate(apart(before[name], base[name]), **shares, coupling=coupling.get(name))
+        return ErrorEstimate(max_difference(before[name], base[name]), **shares, coupling=coupling.get(name))
 
     return {name: of(name) for name in read.model.scene.sensors if np.isfinite(before[name] - base[name]).any()}
 

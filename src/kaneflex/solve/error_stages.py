@@ -112,7 +112,7 @@ def embedded(richer: Model, motion: ElasticMotion, rate: int = 0) -> np.ndarray:
     return z
 
 
-def apart(one: np.ndarray, other: np.ndarray) -> float:
+def max_difference(one: np.ndarray, other: np.ndarray) -> float:
     """Largest difference over instants at which both have a value."""
     found = np.abs(one - other)
     return float(found.max(initial=0.0, where=np.isfinite(found)))

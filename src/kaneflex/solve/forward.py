@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from kaneflex.integrate.system import Outcome
-from kaneflex.mechanism.closure import apart, check_closure, check_loops, drive_positions, margins_of
+from kaneflex.mechanism.closure import check_closure, check_loops, drive_positions, margins_of, reason_open
 from kaneflex.mechanism.closure_continuation import with_tables
 from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import wrapped
@@ -26,7 +26,7 @@ from kaneflex.multibody.model.system import BODY, System
 from kaneflex.multibody.time.rigid_reference import Courses, rigid_reference
 from kaneflex.multibody.time.run import Run, integrate
 from kaneflex.multibody.time.trajectory import CURE, CoupledTrajectory
-from kaneflex.solve.coupled import along, method_of
+from kaneflex.solve.coupled import method_of, motion_along_run
 from kaneflex.solve.engine_loading import check_stage
 from kaneflex.solve.run_checks import check_laws
 from kaneflex.support.errors import SceneError
@@ -115,7 +115,7 @@ def integrate_free_joints(model: Model, share: Callable[[float], None]) -> Model
         raise locked or run.stopped(found.message, CURE)
     if isinstance(motion, StartKinematics):
         return moving(model, _along_steps(model, motion, found), found.energy)
-    moved = moving(model, along(model, run), found.energy)
+    moved = moving(model, motion_along_run(model, run), found.energy)
     check_stage(moved)
     return moved
 
@@ -125,7 +125,7 @@ def _along_steps(model: Model, start: StartKinematics, found: CoupledTrajectory)
     system, rows = start.system, np.concatenate([rows for rows, _ in found.curve.pieces])
     rows = rows[np.append(np.diff(rows[:, 0]) > 0.0, True)]  # of instants with a change those after it
     motion = _with_courses(start, start.given, _courses(system, rows))
-    left = _left(motion, found, system)
+    left = _first_departure(motion, found, system)
     _check_passage(system.mechanism, motion, rows[rows[:, 0] <= found.times[left], 0])
     if left >= 0:
         rigid = motion.at(np.linspace(found.times[left - 1], found.times[left], _FINE))
@@ -140,7 +140,7 @@ def _along_steps(model: Model, start: StartKinematics, found: CoupledTrajectory)
     return motion
 
 
-def _left(motion: RigidKinematics, found: CoupledTrajectory, system: System) -> int:
+def _first_departure(motion: RigidKinematics, found: CoupledTrajectory, system: System) -> int:
     """First stored instant, after the start, at which a body is not where the run has it, which continues where
     branches of a loop's motion meet; -1 without one."""
     rigid, apart = motion.at(found.times), np.zeros(len(found.times))
@@ -167,15 +167,15 @@ def _check_passage(mechanism: Mechanism, motion: RigidKinematics, times: np.ndar
                 first = fine, int(np.argmin(fine[name]))
                 break
         if first is not None:
-            raise _swung(mechanism, name.removesuffix(".closure"), *first)
+            raise _dead_centre_error(mechanism, name.removesuffix(".closure"), *first)
 
 
-def _swung(mechanism: Mechanism, joint: str, rigid: RigidMotion, index: int = 0) -> SceneError:
+def _dead_centre_error(mechanism: Mechanism, joint: str, rigid: RigidMotion, index: int = 0) -> SceneError:
     """Error for a linkage that moves into the limit position of the loop that a joint closes."""
     return SceneError(
         f"joints.{joint}", None,
         f"the linkage reaches a dead centre at t = {rigid.times[index]:.6g} s, "
-        f"{drive_positions(mechanism, rigid, index)}: beyond it {apart(mechanism.joints[joint])}",
+        f"{drive_positions(mechanism, rigid, index)}: beyond it {reason_open(mechanism.joints[joint])}",
         "Shorten the duration, change lengths, loads or start, or use preset coupled, which can continue",
     )  # fmt: skip
 
@@ -186,7 +186,7 @@ def _locked_loop(mechanism: Mechanism, rigid: RigidMotion) -> SceneError | None:
     name = min(margins, key=lambda name: margins[name].min(), default=None)
     if name is None or margins[name].min() > _LOCKED:
         return None
-    return _swung(mechanism, name.removesuffix(".closure"), rigid, int(margins[name].argmin()))
+    return _dead_centre_error(mechanism, name.removesuffix(".closure"), rigid, int(margins[name].argmin()))
 
 
 def _locked(start: StartKinematics, run: Run) -> SceneError | None:

@@ -70,7 +70,7 @@ def given_start(solve: Solve) -> Start:
     return start
 
 
-def laid_over(table: str, start: Start, dimensions: Mapping[str, Dimension], base: np.ndarray) -> np.ndarray:
+def with_values(table: str, start: Start, dimensions: Mapping[str, Dimension], base: np.ndarray) -> np.ndarray:
     """Copy of ``base`` (n,), in the order of the coordinates' ``dimensions``, with values of a table of a start.
 
     Raises
@@ -113,10 +113,10 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     SceneError
-        As :func:`laid_over`.
+        As :func:`with_values`.
     """
     none = np.zeros(len(model.coordinates))
-    z, v = (laid_over(table, given_start(model.scene.solve), start_dimensions(model), none) for table in STATE)
+    z, v = (with_values(table, given_start(model.scene.solve), start_dimensions(model), none) for table in STATE)
     basis = model.modal_basis
     if basis is None:
         return z, v
@@ -124,7 +124,7 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
     return tuple(np.linalg.solve(weighted @ basis, weighted @ np.column_stack([z, v])).T)
 
 
-def check_apart(model: Model) -> None:
+def check_penetration(model: Model) -> None:
     """Raise SceneError if the sides of a contact penetrate each other at the start, beyond rounding."""
     system = model.coupled_system
     for (name, contact), gap in zip(model.scene.contacts.items(), _gaps(model, system), strict=True):
@@ -201,15 +201,15 @@ def check_closed(gaps: Iterable[tuple[str, float, float]], key: str, source: str
             raise SceneError(key, source, f"the state opens joint {joint} by {gap:.3g} (m or rad)", cure)
 
 
-def laid_state(given: Start, system: System, start: State) -> State:
+def written_state(given: Start, system: System, start: State) -> State:
     """Start with the coordinates and rates that a scene gives; loops are not closed.
 
-    Raises SceneError as :func:`laid_over`, and for a quaternion that is not of unit length.
+    Raises SceneError as :func:`with_values`, and for a quaternion that is not of unit length.
     """
     dimensions, engine = state_dimensions(system), system.engine
-    q = laid_over(STATE[0], given, dimensions, start.q)
+    q = with_values(STATE[0], given, dimensions, start.q)
     _normalise(system, q, "solve.start", _TABLE)
-    v = laid_over(STATE[1], given, dimensions, engine.rates_of(q[None], start.u[None])[0])
+    v = with_values(STATE[1], given, dimensions, engine.rates_of(q[None], start.u[None])[0])
     return replace(start, q=q, u=engine.speeds_of(q[None], v[None])[0])
 
 

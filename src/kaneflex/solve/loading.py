@@ -160,9 +160,9 @@ def _check_start(model: Model) -> None:
     """Raise SceneError if the model can't start from the given state, or bodies penetrate each other at the start."""
     if model.options.start != "given" or model.coupled_in_space is not None:  # in space it is checked already
         if model.scene.contacts:
-            from kaneflex.solve.initial import check_apart
+            from kaneflex.solve.initial import check_penetration
 
-            check_apart(model)
+            check_penetration(model)
         return
     if model.coupled is None:
         from kaneflex.solve.initial import given_state
@@ -193,9 +193,9 @@ def neighbour(model: Model, scene: Scene, frozen: bool = False, options: Options
         if options.integrator == "spectral":  # its grid and its corrections may differ between neighbours
             options = options._replace(integrator="radau")
     if scene.is_spatial or model.coupled is not None:
-        from kaneflex.solve.engine_loading import beside
+        from kaneflex.solve.engine_loading import neighbour_of
 
-        return beside(model, scene, options, alike, frozen)
+        return neighbour_of(model, scene, options, alike, frozen)
     scene = acting(_as_it_starts(scene), options)
     return build_model(scene, options, _moved(model, scene, options.duration), model if frozen else None)
 

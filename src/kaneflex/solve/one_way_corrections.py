@@ -28,8 +28,8 @@ from kaneflex.solve.error_stages import (
     Read,
     Stage,
     Unknown,
-    apart,
     embedded,
+    max_difference,
     motion_of,
     values_of,
     with_half_elements,
@@ -170,10 +170,11 @@ def _by_steps(read: Read, richer: Sequence[tuple[str, Model]], done: Sequence[St
 
 def _is_small(read: Read, coarser: Mapping[str, np.ndarray], richest: Mapping[str, np.ndarray]) -> bool:
     """True if longer steps change every sensor by a small part of the change of the richest model in them."""
-    return all(
-        apart(coarser[name], own) <= max(_SMALL * apart(richest[name], own), _NEGLIGIBLE * apart(0.0 * own, own))
-        for name, own in read.values.items()
-    )
+    for name, own in read.values.items():
+        allowed = max(_SMALL * max_difference(richest[name], own), _NEGLIGIBLE * max_difference(0.0 * own, own))
+        if not max_difference(coarser[name], own) <= allowed:
+            return False
+    return True
 
 
 def _in_steps(

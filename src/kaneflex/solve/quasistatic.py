@@ -56,13 +56,13 @@ def quasistatic(
         Displacements, and their first and second time derivatives by central differences of fourth order.
     """
     load = model.motion.at(times).column_of(model.kept["F"]).T
-    z = answers(model, times, load, progress)
+    z = solutions(model, times, load, progress)
     step = times[1] - times[0]
     v = rate_of(z, step, periodic)
     return z, v, rate_of(v, step, periodic)
 
 
-def answers(
+def solutions(
     model: Model, times: np.ndarray, load: np.ndarray, progress: Callable[[float], None] | None = None
 ) -> np.ndarray:
     """Solution z of K z = load at each instant [s], both (n_times, n); with inertia relief as in :func:`quasistatic`.
@@ -76,7 +76,7 @@ def answers(
     for first in range(0, len(times), batch):
         rows = slice(first, first + batch)
         try:
-            z[rows] = _answers_at(model, times[rows], load[rows], relief)
+            z[rows] = _solutions_at(model, times[rows], load[rows], relief)
         except np.linalg.LinAlgError:
             reason = "the stiffness matrix is numerically singular: the links' stiffnesses differ too much"
             cure = "Give the links sections of similar sizes, or make the stiff one rigid"
@@ -86,7 +86,7 @@ def answers(
     return z
 
 
-def _answers_at(model: Model, times: np.ndarray, load: np.ndarray, relief: int) -> np.ndarray:
+def _solutions_at(model: Model, times: np.ndarray, load: np.ndarray, relief: int) -> np.ndarray:
     if model.reduced.size > LARGEST_DENSE and not relief:
         return solve_banded_at(model, times, load)
     rigid = model.motion.at(times)
@@ -220,11 +220,11 @@ def slow_start(model: Model) -> tuple[np.ndarray, np.ndarray]:
     def balanced(times: np.ndarray) -> np.ndarray:
         z = np.full((len(times), len(load)), np.nan)
         moving = np.isfinite(model.scalars(times)).all(axis=1)  # unused indeterminate reactions are nan
-        z[moving] = answers(model, times[moving], model.motion.at(times[moving]).column_of(model.kept["F"]).T)
+        z[moving] = solutions(model, times[moving], model.motion.at(times[moving]).column_of(model.kept["F"]).T)
         return z
 
     v, a = first_rates(balanced, inertia, model.options.duration)
-    return answers(model, first, (load - inertia @ a - damping @ v)[None])[0], v
+    return solutions(model, first, (load - inertia @ a - damping @ v)[None])[0], v
 
 
 def first_rates(balanced: Answers, inertia: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:

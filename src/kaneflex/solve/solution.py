@@ -174,10 +174,10 @@ def _restored(
     model = load(scene)
     if isinstance(trajectory, Trajectory):
         return Solution(integrated(model), trajectory, seconds, whole)
-    from kaneflex.solve.coupled import as_result
+    from kaneflex.solve.coupled import result_of
 
     trajectory = replace(trajectory, curve=trajectory.curve.of(model.coupled_system))
-    return replace(Solution.of(as_result(model, trajectory, seconds)), whole=whole)
+    return replace(Solution.of(result_of(model, trajectory, seconds)), whole=whole)
 
 
 def labelled(solution: RunResult) -> Labelled:

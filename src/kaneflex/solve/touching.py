@@ -79,12 +79,12 @@ def friction_summaries(solution: RunResult) -> dict[str, FrictionSummary]:
             largest_torque=largest if turns else None,
             stuck=float(_stuck(record)[:, k].mean()),
             jams_at_s=None if np.isnan(record.jams[k]) else record.jams[k],
-            worn=None if solution.model.scene.frictions[name].wear is None else worn(solution, name)[-1],
+            worn=None if solution.model.scene.frictions[name].wear is None else worn_volume(solution, name)[-1],
         )
     return found
 
 
-def worn(solution: RunResult, name: str) -> np.ndarray:
+def worn_volume(solution: RunResult, name: str) -> np.ndarray:
     """Volume [m^3] that a friction has worn off since the start, (n_times,): `wear` times the integral of the normal
     force over the sliding distance (Archard 1953), which is the work of sliding friction over `mu`."""
     record, friction = _rubbing(solution), solution.model.scene.frictions[name]

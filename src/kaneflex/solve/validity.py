@@ -54,10 +54,12 @@ def validity_warnings(solution: RunResult, frequencies: Sequence[float]) -> list
     """Warnings about a finished run: unresolved modes, large deflections, energy balance and others."""
     model, coupled = solution.model, solution.model.coupled is not None
     stepped = not getattr(solution.trajectory, "solver", "").startswith("spectral")  # harmonics resolve all modes
-    found = [*foreseen(model, frequencies, solution.times, stepped), *_parted(solution), *_unbalanced(solution)]
-    moved = _moved(solution) if len(solution.times) else {}
+    found = [*foreseen(model, frequencies, solution.times, stepped)]
+    found += [*_accuracy_warnings(solution), *_unbalanced(solution)]
+    moved = _node_displacements(solution) if len(solution.times) else {}
     if coupled:
-        found += [*_loose(solution, moved), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
+        found += [*_loose_tolerance(solution, moved), *_left_ringing(solution)]
+        found += [*_missing_values(solution), *_jammed(solution)]
         from kaneflex.solve.touching import off_their_lines, undetermined_frictions
 
         found += [*off_their_lines(solution), *undetermined_frictions(solution)]
@@ -71,7 +73,7 @@ def validity_warnings(solution: RunResult, frequencies: Sequence[float]) -> list
     return found if coupled else found + _uncoupled(solution, shares)
 
 
-def _moved(solution: RunResult) -> dict[str, np.ndarray]:
+def _node_displacements(solution: RunResult) -> dict[str, np.ndarray]:
     """Displacements u, v, w of the nodes of every elastic link, (3, n_nodes, n_times); in the plane w = 0."""
     motion, found = solution.motion, {}
     for name, link in solution.model.meshes.items():
@@ -121,7 +123,7 @@ def _deformed(name: str, length: float, stretched: np.ndarray, share: float, cou
 def _unbalanced(solution: RunResult) -> Iterator[str]:
     """Warning if the energy balance of integrated free joints does not close."""
     energy, options = solution.energy, solution.model.options
-    if energy is None or energy.drift <= LARGEST_GAP or _stood(solution):
+    if energy is None or energy.drift <= LARGEST_GAP or _nothing_moved(solution):
         return
     missing = f"does not close: its error is {energy.drift:.2g} of the exchanged energy"
     if options.dynamics == "coupled":
@@ -138,7 +140,7 @@ def _unbalanced(solution: RunResult) -> Iterator[str]:
         yield f"the energy balance of the rigid mechanism {missing}; {lower}"
 
 
-def _stood(solution: RunResult) -> bool:
+def _nothing_moved(solution: RunResult) -> bool:
     """True if nothing moved except for rounding, for example held by friction: the energy error is then rounding."""
     system, trajectory = solution.model.coupled, solution.trajectory
     if system is None or isinstance(trajectory, Trajectory) or not len(solution.times):
@@ -171,7 +173,7 @@ def _uncoupled(solution: RunResult, shares: dict[str, float]) -> list[str]:
         return []
     if other.outcome is not Outcome.COMPLETED:
         return []
-    worth = {name: apart.max(initial=0.0) for name, apart in _apart(solution, other).items()}
+    worth = {name: apart.max(initial=0.0) for name, apart in _differences(solution, other).items()}
     # with the changed stiffness a pin's moment would not be zero
     zero = {name for name, (peak, least) in zip(solution.series, _peaks(solution), strict=True) if peak <= least}
     worth = {name: share for name, share in worth.items() if share > LARGEST_COUPLING and name not in zero}
@@ -223,7 +225,7 @@ def _ill_conditioned(model: Model, times: np.ndarray) -> list[str]:
     ]
 
 
-def _parted(solution: RunResult) -> list[str]:
+def _accuracy_warnings(solution: RunResult) -> list[str]:
     """Warning if forces or accelerations computed in two ways differ: the difference estimates their error.
 
     The error of a single step shows in the accelerations, see `_by_velocities`. Accumulated errors, such as numerical
@@ -234,13 +236,13 @@ def _parted(solution: RunResult) -> list[str]:
     fixed = options.dynamics == "dynamic" and options.integrator != "spectral"
     if not fixed or solution.outcome is not Outcome.COMPLETED or len(run.times) < 4:
         return []
-    parts = _apart(solution, _by_velocities(solution))
-    found = _part_by(solution, "by the equations of motion and by differences of velocities", parts)
+    parts = _differences(solution, _by_velocities(solution))
+    found = _largest_difference(solution, "by the equations of motion and by differences of velocities", parts)
     added_up = options.steps * max((part.max() for part in parts.values()), default=0.0)
     seen = len(run.times) == options.steps + 1  # only if every step is stored
     if not found and (added_up > ADDED_UP or not seen) and nominal_seconds(solution) < LONGEST_SECOND:
-        halved = _apart(solution, _in_half_steps(solution))
-        found = _part_by(solution, "with steps of this length and of half of it", halved)
+        halved = _differences(solution, _in_half_steps(solution))
+        found = _largest_difference(solution, "with steps of this length and of half of it", halved)
     cure = "give more solve.steps" + ("" if options.integrator == "radau" else ", or use integrator radau")
     if options.start != "periodic":
         cure += ", or use solve.start = quasistatic or periodic"
@@ -284,7 +286,7 @@ def _in_half_steps(solution: RunResult) -> RunResult:
     return replace(solution, trajectory=found) if found.outcome is Outcome.COMPLETED else solution
 
 
-def _apart(solution: RunResult, other: RunResult) -> dict[str, np.ndarray]:
+def _differences(solution: RunResult, other: RunResult) -> dict[str, np.ndarray]:
     """Difference of every sensor in two runs, at common instants, as a share of its peak.
 
     Sensors that are zero up to rounding are compared with the largest reading of their unit.
@@ -303,7 +305,7 @@ def _peaks(solution: RunResult) -> list[tuple[float, float]]:
     return [(peak, ZERO * max(other for of, other in peaks if of == unit)) for unit, peak in peaks]
 
 
-def _part_by(solution: RunResult, ways: str, parts: dict[str, np.ndarray]) -> list[str]:
+def _largest_difference(solution: RunResult, ways: str, parts: dict[str, np.ndarray]) -> list[str]:
     """Sensor that differs most between two ways, with size and time; empty if differences are accepted."""
     largest = {name: (part.max(initial=0.0), np.sqrt(np.mean(part**2))) for name, part in parts.items() if len(part)}
     parted = [name for name, (one, mean) in largest.items() if one > LARGEST_PART or mean > MEAN_PART]
@@ -315,7 +317,7 @@ def _part_by(solution: RunResult, ways: str, parts: dict[str, np.ndarray]) -> li
     return [f"{worst} computed {ways} differs by {largest[worst][0]:.2g} of its peak at t = {at:.6g} s{more}"]
 
 
-def _lost(solution: RunResult) -> Iterator[str]:
+def _missing_values(solution: RunResult) -> Iterator[str]:
     """Warnings of sensors without value in a coupled run."""
     for name, series in solution.series.items():
         lost = ~np.isfinite(series.values)
@@ -338,21 +340,21 @@ def _jammed(solution: RunResult) -> Iterator[str]:
             )
 
 
-def _loose(solution: RunResult, moved: Mapping[str, np.ndarray]) -> list[str]:
+def _loose_tolerance(solution: RunResult, moved: Mapping[str, np.ndarray]) -> list[str]:
     """Warning if the tolerance of coupled steps is large compared with the largest deformation.
 
     ``moved``: displacements of the links' nodes.
     """
-    from kaneflex.solve.coupled import longest
+    from kaneflex.solve.coupled import mechanism_size
 
     model = solution.model
     if solution.trajectory.steps == 0:
         return []
-    allowed = model.options.tolerance * longest(model)
+    allowed = model.options.tolerance * mechanism_size(model)
     largest = max((float(abs(nodes).max()) for nodes in moved.values()), default=0.0)
     if allowed <= LARGEST_ERROR * largest or largest == 0.0:
         return []
-    wanted = 0.1 * LARGEST_ERROR * largest / longest(model)
+    wanted = 0.1 * LARGEST_ERROR * largest / mechanism_size(model)
     return [
         f"solve.tolerance = {model.options.tolerance:g} allows errors of {allowed:.2g} m, but links deform by at most "
         f"{largest:.2g} m; lower it to {wanted:.0e} for accurate deformations and forces"
@@ -365,11 +367,11 @@ def _left_ringing(solution: RunResult) -> list[str]:
     A mode that the steps don't resolve may vibrate with a displacement d up to the tolerance, an acceleration of
     omega^2 d. This is checked by a run with a tenth of the tolerance.
     """
-    from kaneflex.solve.coupled import longest, simulate_coupled
+    from kaneflex.solve.coupled import mechanism_size, simulate_coupled
     from kaneflex.solve.coupled_linearisation import left_by_gauss, unresolved
 
     model, series, found = solution.model, solution.series, left_by_gauss(solution)
-    options, length = model.options, longest(model)
+    options, length = model.options, mechanism_size(model)
     peaks = [abs(series[name].values).max() * {"m/s^2": 1.0, "rad/s^2": length}[series[name].unit]
             for name, sensor in model.scene.sensors.items() if sensor.kind == "acceleration"]  # fmt: skip
     if not peaks or solution.outcome is not Outcome.COMPLETED:
@@ -380,9 +382,9 @@ def _left_ringing(solution: RunResult) -> list[str]:
         return found
     tenth = 0.1 * options.tolerance
     other = simulate_coupled(replace(model, options=options._replace(tolerance=tenth)))
-    parts = _apart(solution, other) if other.outcome is Outcome.COMPLETED else {}
+    parts = _differences(solution, other) if other.outcome is Outcome.COMPLETED else {}
     return found + [
         f"{text}: vibrations below the tolerance affect accelerations; lower solve.tolerance, or use preset "
         "stiffened"
-        for text in _part_by(solution, f"at solve.tolerance = {options.tolerance:g} and {tenth:g}", parts)
+        for text in _largest_difference(solution, f"at solve.tolerance = {options.tolerance:g} and {tenth:g}", parts)
     ]

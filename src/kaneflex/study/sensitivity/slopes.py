@@ -24,7 +24,7 @@ from kaneflex.multibody.model.state import State
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.shooting import Cycles
 from kaneflex.scene.structure import structure_hash
-from kaneflex.solve.coupled import as_result, beginning, method_of
+from kaneflex.solve.coupled import beginning, method_of, result_of
 from kaneflex.solve.loading import neighbour
 from kaneflex.solve.quasistatic import mechanism_modes
 from kaneflex.solve.run_result import RunResult
@@ -182,14 +182,14 @@ class Replay:
             start = cycles.moved(start, self._deformed)
             cycle = cycles.run(start)
             if not cycles.completed(cycle):
-                return as_result(model, cycle, 0.0)
+                return result_of(model, cycle, 0.0)
             if not np.linalg.cond(self._returning) < _SINGULAR:
                 raise SceneError(
                     "solve.start", "periodic", "the periodic motion is not isolated: others exist nearby",
                     "Add damping, or start from zero or quasistatic",
                 )  # fmt: skip
             start = cycles.moved(start, -np.linalg.solve(self._returning, cycles.missed(cycle)))
-        return as_result(model, cycles.run(start), 0.0)
+        return result_of(model, cycles.run(start), 0.0)
 
     @cached_property
     def own(self) -> Any:
