@@ -274,6 +274,10 @@ def test_what_is_refused(odd_files, changed, message):
     assert not Path("other.npz").exists() and not Path("rod.txt").exists()
 
 
+def test_a_normal_is_three_numbers_apart():
+    refused(cli(*command(), "--normal", "0,0,1"), "'--normal' requires 3 arguments. Separate them by spaces.")
+
+
 def test_the_page_has_a_scene_of_it(recovered):
     """Which runs, and whose forces act where the file has its points, also if the scene doesn't name them."""
     text = recovered

@@ -235,8 +235,8 @@ def test_a_beam_that_a_solid_does_not_hold_is_refused():
     assert not Path("hinged.npz").exists()
 
 
-def test_nodes_of_a_skew_beam_enclose_no_volume_that_gives_a_density():
-    """A steel rod of four elements along a skew line: rounding errors gave it a volume, and 1.8e22 kg/m^3."""
+def skew_rod(bending):
+    """Files of a steel rod of four elements along a skew line, its bending stiffness E I_Y times ``bending``."""
     from quadrature import uniform
     from scipy.io import mmwrite
     from scipy.sparse import csc_array
@@ -249,14 +249,23 @@ def test_nodes_of_a_skew_beam_enclose_no_volume_that_gives_a_density():
         whole = np.zeros((30, 30))
         for node in range(4):
             part = slice(6 * node, 6 * node + 12)
-            whole[part, part] += uniform(RHO * AREA, 1e-6, E * AREA, E * I_Z, E * I_Y, E * I_Y, L / 4)[k]
+            whole[part, part] += uniform(RHO * AREA, 1e-6, E * AREA, E * I_Z, bending * E * I_Y, E * I_Y, L / 4)[k]
         whole = turn.T @ whole @ turn
         mmwrite(f"skew-{name}.mtx", csc_array((whole + whole.T) / 2))
     places = np.array([1.0, -2.0, 0.5]) + np.outer(np.linspace(0.0, L, 5), direction)
     np.savetxt("skew-nodes.txt", np.column_stack([np.arange(1, 6), places]), fmt="%.12g")
     for name, node in (("first", 1), ("last", 5)):
         Path(f"{name}.txt").write_text(f"{node}\n")
-    link = read_elements(
-        "skew-mass.mtx", "skew-stiffness.mtx", "skew-nodes.txt", {"start": "first.txt", "end": "last.txt"}, spatial=True
-    )
-    assert link.doubts == []
+    return "skew-mass.mtx", "skew-stiffness.mtx", "skew-nodes.txt"
+
+
+def test_nodes_of_a_skew_beam_enclose_no_volume_that_gives_a_density():
+    """Rounding errors gave it a volume, and 1.8e22 kg/m^3."""
+    assert read_elements(*skew_rod(1.0), {"start": "first.txt", "end": "last.txt"}, spatial=True).doubts == []
+
+
+def test_a_negative_stiffness_is_not_called_singular():
+    points = "--point", "start=first.txt", "--point", "end=last.txt"
+    message = "the stiffness matrix is not positive definite. Export the stiffness of the unloaded link"
+    refused(cli("import", *skew_rod(-0.1), *points, "--space", "-o", "negative.npz"), message)
+    assert not Path("negative.npz").exists()

@@ -231,6 +231,7 @@ def test_setting_a_whole_table_adds_an_entry():
     ("drives.mai.speed=1", "drives.mai.speed = '1': the scene has no 'mai' among its drives. "
      "The nearest known one is 'main'; a whole table adds it: drives.mai={...}."),
     ("crank.speed=0", "crank.speed = '0': 'crank' has no such entry. Write main.speed, of the drive."),
+    ("gravity.1=-9.81", "gravity.1 = '-9.81': gravity is not a table. Give all of it: gravity=VALUE."),
     ("rod", "setting = 'rod': not of the form path=value. Write it like rod.elements=1."),
     ("rod.elements=0", "bodies.rod.beam.elements = 0: too few. Write a whole number of one or more."),
 ])  # fmt: skip

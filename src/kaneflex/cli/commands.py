@@ -97,6 +97,9 @@ class _Commands(click.Group):
         try:
             with _ended_like_interrupted():
                 return super().invoke(ctx)
+        except click.BadOptionUsage as error:  # "requires 3 arguments", also where these are joined by commas
+            more = " Separate them by spaces." * error.message.endswith(" arguments.")
+            raise click.BadOptionUsage(error.option_name, error.message + more, error.ctx) from None
         except UserError as error:
             raise _Refusal(str(error)) from error
         except OSError as error:

@@ -124,7 +124,10 @@ def _demand_entry(raw: Mapping[str, Any], keys: list[str], path: str, text: str 
     """Raise SceneError unless the scene may have an entry at `keys` and contains its owner."""
     for depth in range(1, len(keys) + 1):
         if not has_entry(keys[:depth]):
-            cure = nearest(keys[depth - 1], known_keys(keys[: depth - 1]))
+            known, owner = known_keys(keys[: depth - 1]), ".".join(keys[: depth - 1])
+            if not known:
+                raise SceneError(path, text, f"{owner} is not a table", f"Give all of it: {owner}=VALUE")
+            cure = nearest(keys[depth - 1], known)
             raise SceneError(path, text, f"no key {keys[depth - 1]!r} there", cure)
     is_new = len(keys) == 2 and (text or "").startswith("{")  # a whole table adds an entry
     if keys[0] in _NAMED and len(keys) > 1 and not is_new and keys[1] not in raw.get(keys[0], {}):

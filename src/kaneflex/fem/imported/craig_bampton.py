@@ -123,6 +123,8 @@ def _orthogonal(link: ImportedMesh, motion: Motion, shapes: np.ndarray) -> Reduc
         raise Fault(*_NEGATIVE)
     span = turned[:, share > _NOTHING] / np.sqrt(share[share > _NOTHING])
     resisting, found = eigh(span.T @ stiffness @ span)
+    if resisting[0] < -_NOTHING * resisting[-1]:
+        raise Fault("the stiffness matrix is not positive definite", "Export the stiffness of the unloaded link")
     if resisting[0] <= _NOTHING * resisting[-1]:
         raise Fault(_LOOSE, _LOOK)
     shapes = shapes @ span @ found
