@@ -73,11 +73,20 @@ def test_run_prints_millimetres_kilonewtons_and_degrees(finished):
     assert re.search(r"^tip_axial +mm ", result.stdout, re.MULTILINE)
 
 
-def test_run_without_output_writes_beside_and_options_win_over_settings():
-    result = cli("run", "engine", *SMALL, "--set", "solve.steps=9", "--set", "solve.preset=rigid")
+def test_run_without_output_writes_beside():
+    result = cli("run", "engine", *SMALL, "--set", "solve.preset=rigid")
     assert result.exit_code == 0, result.output
     summary = Summary.model_validate_json(Path("engine-results/summary.json").read_text())
     assert (summary.steps, summary.preset, summary.frequencies_hz) == (240, "rigid", [])
+
+
+@pytest.mark.parametrize(("option", "setting"), [
+    ("--preset = 'linear'", "solve.preset=rigid"), ("--steps = '240'", "solve.steps = 9"),
+])  # fmt: skip
+def test_an_entry_that_an_option_and_a_setting_give_is_refused(option, setting):
+    """The setting was ignored in silence."""
+    words = f"{option}: --set {setting} gives the same entry. Leave out one of the two"
+    refused(cli("run", "engine", *SMALL, "--preset", "linear", "--set", setting), words)
 
 
 def test_a_frozen_model_reports_how_its_peaks_depend_on_the_angle_at_which_it_is_frozen():

@@ -213,7 +213,7 @@ def test_the_command_writes_its_folder_and_prints_the_choice(tmp_path):
     assert about["tolerance"] == 0.02 and f"Cheapest within 2 %: {about['chosen']}\n" in result.stdout
     chosen = next(model for model in about["models"] if model["model"] == about["chosen"])
     assert f"  --set {' --set '.join(chosen['settings'])}\n" in result.stdout
-    assert result.stderr.count("Left out: ") == len({*about["left_out"].values()})
+    assert result.stderr.count(" left out: ") == len({*about["left_out"].values()})
     refused(cli(*arguments), "the folder exists")
 
 

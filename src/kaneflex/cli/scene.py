@@ -35,9 +35,14 @@ class SceneArguments(NamedTuple):
 
     @property
     def changes(self) -> list[str]:
-        """All changes as settings; dedicated options come last and win."""
-        own = {"preset": self.preset, "steps": self.steps, "integrator": self.integrator}
-        return [*self.settings, *(f"solve.{key}={value}" for key, value in own.items() if value is not None)]
+        """All changes as settings. Raises SceneError for an entry that both an option and --set give."""
+        options = {"preset": self.preset, "steps": self.steps, "integrator": self.integrator}
+        own = {key: value for key, value in options.items() if value is not None}
+        for text in self.settings:
+            key = text.partition("=")[0].strip().removeprefix("solve.")
+            if key in own:
+                raise SceneError(f"--{key}", own[key], f"--set {text} gives the same entry", "Leave out one of the two")
+        return [*self.settings, *(f"solve.{key}={value}" for key, value in own.items())]
 
     def read(self) -> Scene:
         """Scene with the changes."""

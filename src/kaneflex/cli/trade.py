@@ -126,8 +126,8 @@ def _weigh(
     echo(f"Written to {target.folder}", err=as_json)
     for reason in dict.fromkeys(found.left_out.values()):
         first, *others = [thing for thing, own in found.left_out.items() if own == reason]
-        more = f" and {len(others)} others" if len(others) > 1 else "".join(f"; {thing}" for thing in others)
-        echo(f"Left out: {first}{more}: {reason}", err=True)
+        more = f" and {len(others)} others" if len(others) > 1 else "".join(f" and {thing}" for thing in others)
+        echo(f"{first}{more} {'are' if others else 'is'} left out: {reason}", err=True)
 
 
 def trade_table(found: Trade) -> str:

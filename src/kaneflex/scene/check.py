@@ -161,7 +161,7 @@ def _beams(bodies: Mapping[str, Body], joints: Mapping[str, Joint]) -> Iterator[
             addresses = [address for joint in joints.values() for address in joint.addresses]
             held = sorted({address.point for address in addresses if address.body == name})
             if len(held) > 1:
-                reason = f"its length would couple the displacements of the joints at {', '.join(held)}"
+                reason = f"the fixed length of {name} would couple the displacements of the joints at {', '.join(held)}"
                 cure = "Leave axially_rigid out, or join the beam at one point only"
                 yield Problem(f"bodies.{name}.beam.axially_rigid", True, reason, cure)
 

@@ -88,8 +88,8 @@ class Compared:
 
     @property
     def rms(self) -> float:
-        """Largest rms error of a sensor as a share of its peak; there is at least one sensor."""
-        return max(each.rms_error for each in self.differences)
+        """Rms error of the :attr:`worst` sensor as a share of its peak."""
+        return self.worst.rms_error
 
 
 def difference(

@@ -179,7 +179,7 @@ def terms(
                 effects.append(Effect(group, (), True, None, str(error)))
             else:
                 # without advice, which concerns a setting that only this model has
-                left_out[group.name] = "; ".join(f"{each.key}: {each.reason}" for each in error.problems)
+                left_out[group.name] = "; ".join(f"{each.reason} ({each.key})" for each in error.problems)
     effects.sort(key=lambda effect: -(effect.error if effect.differences or effect.needed else -1.0))
     return Terms(scene, sensors, tolerance, tuple(effects), runs.run(whole).timing.operations, left_out)
 
