@@ -28,7 +28,7 @@ from kaneflex.solve.variants import Variant
 from kaneflex.study.runs import Runs, Timing, clock
 from kaneflex.study.trade.candidates import candidates_of, check_request, neutral, neutral_settings
 from kaneflex.study.trade.choice import choose
-from kaneflex.study.trade.reference import KNOWN, find_reference
+from kaneflex.study.trade.reference import KNOWN, Reference, denser, find_reference
 from kaneflex.study.trade.trials import Trials
 from kaneflex.support.files import write_text
 
@@ -145,8 +145,7 @@ def _beside_brute_force(
     runs = Runs(basis)
     names, named = sensors or [*scene.sensors], sensors is not None
     references = {tolerance: find_reference(runs, names, tolerance, KNOWN, named) for tolerance in choices}
-    levels = {tolerance: own.levels.index(own.model) for tolerance, own in references.items()}
-    finest = references[max(references, key=lambda tolerance: (levels[tolerance], -tolerance))]
+    finest = finest_of(runs, references)
     doubts = {**finest.doubts, **finest.open}
     trials = {  # of the sensors that are known at each tolerance
         tolerance: Trials(runs, tolerance, replace(finest, doubts={name: doubts[name] for name in own.doubts}))
@@ -178,6 +177,18 @@ def _beside_brute_force(
             f"{total[candidate] / total[best]:.2f}", f"{choices[tolerance].seconds:.1f}",
         )  # fmt: skip
     return rows
+
+
+def finest_of(runs: Runs, references: Mapping[float, Reference]) -> Reference:
+    """Finest of the references by tolerance; straight lines between the instants of each sensor are as close as the
+    least tolerance at which it is known requires."""
+    levels = {tolerance: own.levels.index(own.model) for tolerance, own in references.items()}
+    finest = references[max(references, key=lambda tolerance: (levels[tolerance], -tolerance))]
+    run, least = runs.run(finest.model), dict[str, float]()
+    for tolerance in sorted(references, reverse=True):
+        least |= dict.fromkeys(references[tolerance].doubts, tolerance)
+    limits = {name: tolerance / 2 * abs(run.curves.values[name]).max() for name, tolerance in least.items()}
+    return replace(finest, curves=denser(run, limits, [*finest.doubts, *finest.open]))
 
 
 def _medians(repeats: Mapping[Variant, Sequence[Timing]]) -> dict[Variant, float]:

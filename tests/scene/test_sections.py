@@ -270,8 +270,8 @@ def test_an_axially_rigid_beam_between_two_joints():
     with pytest.raises(SceneError) as caught:
         scene_of(text + 'joints.hold = {revolute = ["ground", "arm.end"]}')
     assert str(caught.value) == (
-        "bodies.arm.beam.axially_rigid = True: the fixed length of arm would couple the displacements of the joints at end, start. "
-        "Leave axially_rigid out, or join the beam at one point only."
+        "bodies.arm.beam.axially_rigid = True: the fixed length of arm would couple the displacements of the joints at "
+        "end, start. Leave axially_rigid out, or join the beam at one point only."
     )
 
 

@@ -36,9 +36,9 @@ _DENSEST = 8
 """Largest factor on the stored steps of a coupled model."""
 _BETWEEN = 0.5
 """Largest deviation of straight lines between stored instants, as a share of the tolerance."""
-_MOST_BENT = 128
-"""Instants of each sensor beside which a reference is read between its stored ones at a time: where lines are farthest.
-"""
+_FARTHEST = 128
+"""Instants of each sensor beside which the reference of one run is read between its stored ones at a time: where lines
+are farthest, which decides on the error of the run itself."""
 _MOST = 2**23
 """Numbers of a reference that are kept for later commands, 64 MB."""
 KNOWN = 0.25
@@ -147,11 +147,10 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float, share: 
     beyond = {sensor: doubt for sensor, doubt in doubts.items() if doubt > tolerance}
     known = {sensor: doubt for sensor, doubt in doubts.items() if sensor not in beyond}
     notes = "; ".join(filter(None, (note, *run.solution.warnings)))
-    limits = _limits(run.curves, known, tolerance)
-    curves = _denser(run, limits, doubts if math.isfinite(share) else known)
+    limits, many = _limits(run.curves, known, tolerance), math.isfinite(share)
+    curves = denser(run, limits, doubts) if many else denser(run, limits, known, _FARTHEST)
     stored = _stored(runs.scene, curves, run.timing.steps, limits)
-    denser = stored if named or math.isfinite(share) else run.timing.steps
-    levels = _up_to(levels, model, run.timing.steps, denser)
+    levels = _up_to(levels, model, run.timing.steps, stored if named or many else run.timing.steps)
     return Reference(runs.scene, model, curves, stored, known, beyond, notes, levels)
 
 
@@ -233,28 +232,28 @@ def doubts_of(runs: Runs, sensors: Sequence[str], model: Variant) -> dict[str, f
     return {each.sensor: sizes.get(each.sensor, each.reference_peak) / each.reference_peak for each in found}
 
 
-def _denser(run: Run, limits: Mapping[str, float], sensors: Collection[str]) -> Curves:
-    """Curves of sensors also between a run's instants, until straight lines deviate by no more than each one's limit.
+def denser(run: Run, limits: Mapping[str, float], sensors: Collection[str], most: int | None = None) -> Curves:
+    """Curves of sensors also between a run's instants, until straight lines deviate by no more than each one's limit;
+    ``most``: beside so many instants of each sensor at a time, the farthest ones.
 
     Vibrations that the stored instants do not resolve are not shown; the run's warnings, in the note, tell of them.
     """
     curves, factor = replace(run.curves, values={name: run.curves.values[name] for name in sensors}), 1
     if run.scene.contacts:
         return curves
-    ends = _beside(np.maximum(*(_bent(curves, curves.times[k::2], limits) for k in (0, 1))))  # over two intervals
-    while len(ends) and factor <= _DENSEST:
+    bent = np.maximum(*(_bent(curves, curves.times[k::2], limits) for k in (0, 1)))  # over two intervals
+    while len(ends := _beside(bent, most)) and factor <= _DENSEST:
         before, middles = curves.times, 0.5 * (curves.times[ends - 1] + curves.times[ends])
         between = values_of(run.solution.at(middles).motion, sensors)
         values = {name: np.insert(own, ends, between[name]) for name, own in curves.values.items()}
         curves = replace(curves, times=np.insert(before, ends, middles), values=values)
-        ends, factor = _beside(_bent(curves, before, limits)), 2 * factor
+        bent, factor = _bent(curves, before, limits), 2 * factor
     return curves
 
 
-def _beside(bent: np.ndarray) -> np.ndarray:
-    """Ends of the intervals beside instants at which lines of a sensor deviate too far, the farthest ones of each if
-    there are many."""
-    farthest = np.argsort(-bent, axis=1, kind="stable")[:, :_MOST_BENT]
+def _beside(bent: np.ndarray, most: int | None) -> np.ndarray:
+    """Ends of the intervals beside instants at which lines of a sensor deviate too far, ``most`` of each."""
+    farthest = np.argsort(-bent, axis=1, kind="stable")[:, :most]
     found = np.unique(farthest[np.take_along_axis(bent, farthest, axis=1) > 1.0])
     ends = np.union1d(found, found + 1)
     return ends[(ends > 0) & (ends < bent.shape[1])]
