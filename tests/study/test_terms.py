@@ -110,6 +110,16 @@ def test_what_the_budget_has_no_time_for_is_named():
     assert len(found.effects) == 1 and found.left_out == {"euler": "no time left within the budget"}
 
 
+def test_a_hydraulic_cylinder_on_an_elastic_lever_is_compared_under_coupled():
+    """Its guide follows the deformed lever, which only the loading of a model finds out."""
+    boom = scene_of(page("scene/drives.md").partition("# boom.toml\n")[2].partition("```")[0])
+    wind = "loads.wind={force_on='upper.end', direction=[1, 0], value=1e5}"
+    boom = with_settings(boom, ["solve.duration=20 ms", "solve.steps=2", wind])
+    found = terms(boom, 0.01, 60.0, ["push"])
+    assert [(effect.group.name, effect.needed) for effect in found.effects] == [("load wind", True)]
+    assert [*found.left_out] == ["axial"]
+
+
 COLUMN = """
 bodies.strut = {length = "1 m", beam = {material = "steel", section = {rectangle = ["20 mm", "20 mm"]}, elements = 2}}
 joints.foot = {weld = ["ground", "strut.start"], relative_angle = "37 deg"}

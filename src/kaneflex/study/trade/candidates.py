@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,16 +54,16 @@ def neutral_settings(raw: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(f"solve.{key}=none" for key in _CHOICES[1:] if key in raw.get("solve", {}))
 
 
-def neutral(scene: Scene) -> Scene:
-    """The scene with its ``neutral_settings`` and preset ``stiffened``, or ``coupled`` if only that supports it; with
+def neutral(scene: Scene, check: Callable[[Scene], object] = resolve_options) -> Scene:
+    """The scene with its ``neutral_settings`` and preset ``stiffened``, or ``coupled`` if ``check`` rejects that; with
     error estimates on request, however long they take."""
     laid = (*neutral_settings(scene.raw), "solve.errors=total")
     found = with_settings(scene, [*laid, *STIFFENED.settings])
     try:
-        resolve_options(found)
+        check(found)
     except SceneError:
         found = with_settings(scene, [*laid, *COUPLED.settings])
-        resolve_options(found)  # raises the errors that do not depend on the preset
+        check(found)  # raises the errors that do not depend on the preset
     return found
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from kaneflex.scene import Scene
 from kaneflex.scene.read import SceneLike, scene_from
-from kaneflex.solve.loading import Progress
+from kaneflex.solve.loading import Progress, load
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Compared, Difference, differences
 from kaneflex.study.runs import Runs, clock
@@ -148,12 +148,12 @@ def terms(
     Raises
     ------
     SceneError
-        As :func:`kaneflex.study.trade.candidates.check_request`, if ``stiffened`` can't be run, or if the scene
-        has no groups.
+        As :func:`kaneflex.study.trade.candidates.check_request`, if neither ``stiffened`` nor ``coupled``
+        supports the scene, or if it has no groups.
     """
     scene = scene_from(scene)
     sensors = check_request(scene, tolerance, budget, sensors)
-    basis = neutral(scene)
+    basis = neutral(scene, load)
     runs, whole = Runs(basis, progress or silent), _whole(basis.solve.preset)
     effects, left_out = list[Effect](), dict[str, str]()
     if chosen is None:
