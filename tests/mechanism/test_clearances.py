@@ -231,6 +231,8 @@ def test_the_largest_force_of_a_lasting_contact_is_that_of_its_greatest_load(tmp
     found = solution.statistics("force")
     assert len(solution.impacts) == 1 and found.max == pytest.approx(160.0, rel=5e-3)
     assert solution.times[found.at_max] == pytest.approx(1.0 / 300.0, abs=0.25e-3)
+    mark = lines(sensors.figures(solution)["sensors"].axes[0])["force: peaks of impacts"]
+    assert mark.get_xdata() == [1e3 * solution.times[found.at_max]] and mark.get_ydata() == [found.max]
 
 
 def test_a_rig_with_friction_in_its_bore_knocks_where_one_without_does_and_knows_its_rods_forces():

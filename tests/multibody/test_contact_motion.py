@@ -239,7 +239,9 @@ def test_the_picture_of_a_contact_marks_the_peak_of_every_impact():
         figure, followed = sensors.figures(solution)["sensors"], motion.figures(solution)["motion"]
         labelled = {line.get_label(): line for axes in figure.axes for line in axes.lines}
     marks = labelled["push: peaks of impacts"]
-    assert marks.get_xdata() == pytest.approx([impact.begin for impact in solution.impacts], rel=1e-9)
+    ends = [impact.end for impact in solution.impacts]
+    assert (marks.get_xdata() >= [impact.begin for impact in solution.impacts]).all() and len(ends) > 3
+    assert (np.fmin(marks.get_xdata(), ends) == marks.get_xdata()).all()
     peaks = np.array([impact.peak for impact in solution.impacts])
     assert marks.get_ydata() / marks.get_ydata()[0] == pytest.approx(peaks / peaks[0], rel=1e-9)
     assert [axes.get_title(loc="left") for axes in followed.axes] == [

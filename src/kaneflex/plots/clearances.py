@@ -167,14 +167,13 @@ def _path(
 
 def _forces(axes: Axes, shown: View, parts: Mapping[str, tuple[str, ...]]) -> None:
     """Forces of contacts, summed over those of a part, by what it is called; with the peaks of the impacts."""
-    impacts = {part: [each for key in own for each in shown.impacts(key)] for part, own in parts.items()}
     forces = {part: np.sum([shown.motion.contact(key)[1] for key in own], axis=0) for part, own in parts.items()}
-    peaks = {part: np.array([each.peak for each in own]) for part, own in impacts.items()}
-    factor, unit = readable("N", *forces.values(), *peaks.values())
+    peaks = {part: np.hstack([shown.peaks(key) for key in own]) for part, own in parts.items()}
+    factor, unit = readable("N", *forces.values(), *(force for _, force in peaks.values()))
     for part, colour, dashes in zip(parts, PALETTE, _DASHES, strict=False):
         axes.plot(shown.x, factor * forces[part], color=colour, linestyle=dashes, linewidth=0.9, label=part)
-        at = np.interp([each.begin for each in impacts[part]], shown.times, shown.x)
-        axes.plot(at, factor * peaks[part], "v", color=colour, markersize=3.5)
+        at, force = peaks[part]
+        axes.plot(at, factor * force, "v", color=colour, markersize=3.5)
     axes.plot([], [], "v", color="black", markersize=3.5, label="peaks of impacts")
     axes.set(title="Contact forces", ylabel=f"force [{unit}]", xmargin=0)
 

@@ -111,12 +111,6 @@ def _title(sensor: Sensor) -> str:
     return f"{what}, {'along' if sensor.component == 'x' else 'across'} the body"
 
 
-def _peaks(shown: View, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Begins of the impacts of a sensor's contact, and their largest forces [N], or torques [N m]."""
-    own = shown.impacts(str(shown.solution.model.scene.sensors[name].target))
-    return np.interp([each.begin for each in own], shown.times, shown.x), np.array([each.peak for each in own])
-
-
 def accelerations(solution: Solution) -> list[str]:
     """Sensors that read accelerations of points; none for a run of one cycle."""
     sensors = solution.model.scene.sensors.items() if not solution.model.options.cycles else ()
@@ -182,7 +176,8 @@ def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
     series, scene, on_bench = shown.solution.series, shown.solution.model.scene, bool(accelerations(shown.solution))
     values = {name: series[name].values[shown.instants] for name in names}
     sensor = scene.sensors[names[0]]
-    peaks = {name: _peaks(shown, name) for name in names if sensor.kind in ("contact_force", "contact_torque")}
+    pushed = names if sensor.kind in ("contact_force", "contact_torque") else []
+    peaks = {name: shown.peaks(str(scene.sensors[name].target)) for name in pushed}
     factor, label = readable(sensor.unit, *values.values(), *(force for _, force in peaks.values()))
     reach, errors = max(np.ptp(each) for each in values.values()), shown.solution.errors[0]
     for name, colour in zip(names, PALETTE, strict=False):

@@ -16,6 +16,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.plots.style import Panel, finish, mark_angles, pages, readable
 from kaneflex.response.motion import Motion
 from kaneflex.response.time_statistics import MISSED, frames, missed
+from kaneflex.solve.run_result import peak_at
 
 if TYPE_CHECKING:
     from kaneflex.multibody.unilateral.results import Impact
@@ -111,6 +112,12 @@ class View:
         """Impacts of a contact that begin in the time that is shown."""
         first, last = self.times[0], self.times[-1]
         return [each for each in self.solution.impacts if each.contact == contact and first <= each.begin <= last]
+
+    def peaks(self, contact: str) -> tuple[np.ndarray, np.ndarray]:
+        """Abscissae of the largest stored forces of the impacts of a contact, and their peaks [N], or torques [N m]."""
+        own, force = self.impacts(contact), self.motion.contact(contact)[1]
+        at = [np.fmin(max(each.begin, self.times[peak_at(each, self.times, force)]), each.end) for each in own]
+        return np.interp(at, self.times, self.x), np.array([each.peak for each in own])
 
     def page(
         self, panels: Sequence[Panel], heading: str, width: float, height: float,

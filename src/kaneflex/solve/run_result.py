@@ -254,10 +254,7 @@ class RunResult:
         hardest = max(own, key=lambda impact: impact.peak, default=None)
         if hardest is None or hardest.peak <= found.max:
             return found
-        times, values = self.times, self.series[name].values
-        during = (times >= hardest.begin) & ~(times > hardest.end) & (values > 0.0)
-        near = np.where(during, values, 0.0) if during.any() else -abs(times - hardest.begin)
-        return found._replace(max=hardest.peak, at_max=int(near.argmax()))
+        return found._replace(max=hardest.peak, at_max=peak_at(hardest, self.times, self.series[name].values))
 
     @cached_property
     def _statistics(self) -> dict[str, Statistics]:
@@ -297,3 +294,9 @@ def nominal_seconds(solution: RunResult) -> float:
 def seconds_of_steps(model: Model, steps: int) -> float:
     """Nominal duration [s] of ``steps`` steps of one-way equations."""
     return _OF_A_BAND * steps * model.system.n * (1 + model.system.half_bandwidth) ** 2
+
+
+def peak_at(impact: Impact, times: np.ndarray, forces: np.ndarray) -> int:
+    """Index of the largest stored force of an impact, or of the instant nearest to its beginning if none was stored."""
+    during = (times >= impact.begin) & ~(times > impact.end) & (forces > 0.0)
+    return int((np.where(during, forces, 0.0) if during.any() else -abs(times - impact.begin)).argmax())
