@@ -191,6 +191,12 @@ def test_the_energy_that_is_drawn_is_the_motors_work():
     assert not loads.energy(run("four-bar", "solve.steps=144"))
 
 
+def test_free_joints_turn_their_bodies_without_a_torque():
+    panels = drawn(motion, "double-pendulum", "solve.duration=0.1 s", "solve.steps=20").axes
+    assert [axes.get_ylabel().split(" [")[0] for axes in panels] == ["angle", "ang. velocity", "ang. acceleration"]
+    assert [*curves(panels[0])] == [*read_scene("double-pendulum").bodies]
+
+
 def test_a_drive_that_swings_is_drawn_over_time(tmp_path):
     """Over its angle, curves would fold back on themselves."""
     (tmp_path / "swinging.toml").write_text(SWINGING)

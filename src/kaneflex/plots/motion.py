@@ -74,7 +74,7 @@ def _guided(shown: View) -> list[Panel]:
 def _turning(shown: View) -> list[Panel]:
     """Angle, angular velocity and acceleration of the bodies that turn without being driven."""
     scene, rigid = shown.solution.model.scene, shown.rigid
-    driven = {address.body for name in scene.drives for address in scene.joints[name].addresses}
+    driven = {side.body for name in {*scene.drives} - {*scene.free_joints} for side in scene.joints[name].addresses}
     names = [name for name in scene.bodies if name not in driven and np.ptp(rigid[f"{name}.s"]) > 1e-9]
     angles = [(name, shown.motion.turned(name)) for name in names]
     rates, accelerations = ([(name, rigid[f"{name}.{key}"]) for name in names] for key in ("omega", "epsilon"))
@@ -93,8 +93,8 @@ def _drives(shown: View) -> list[Panel]:
     uneven = [name for name, drive in scene.drives.items() if drive.kind in ("law", "table") or drive.spin_up]
     kinds = [(uneven, shown.rigid, "angle", quantity) for quantity in (("angle", "rad"), ("position", "m"))]
     if motion.has_rigid_forces:
-        forces = motion.rigid_forces
-        kinds += [([*scene.drives], forces, "drive", quantity) for quantity in (("torque", "N m"), ("force", "N"))]
+        forces, prescribed = motion.rigid_forces, [name for name, drive in scene.drives.items() if not drive.free]
+        kinds += [(prescribed, forces, "drive", quantity) for quantity in (("torque", "N m"), ("force", "N"))]
     for names, values, key, (quantity, unit) in kinds:
         own = [name for name in names if scene.slides(name) == (quantity in ("position", "force"))]
         if own:

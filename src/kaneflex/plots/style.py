@@ -110,7 +110,7 @@ def new_figure(width: float, height: float, title: str, layout: str = "constrain
     """An empty figure [inches] with a canvas of its own, outside pyplot's global state."""
     figure = Picture(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
-    figure.suptitle(wrapped(picture_text(title), width))
+    figure.suptitle(wrapped(picture_text(title), width), y=None if layout == "constrained" else 1.0 - 0.15 / height)
     return figure
 
 

@@ -35,7 +35,7 @@ from kaneflex.support.weak_cache import WeakCache
 Progress = Callable[[str], None]
 Share = Callable[[float], None]
 _INTEGRATED: WeakCache[Model, Model] = WeakCache()
-ONE_WAY = "{joints} moves as in the rigid mechanism: the deformation does not act back on its motion"
+ONE_WAY = "motion of {joints} as in the rigid mechanism: the deformation does not act back on it"
 """Note of every run with free joints."""
 
 
