@@ -8,6 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from kaneflex import Scene, SceneError
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.parts import CIRCLES
 from kaneflex.scene.options import Options
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import Problem
@@ -19,10 +21,10 @@ _MOST_CYCLES = 60
 
 def check_buildable(scene: Scene) -> None:
     """Raise SceneError with everything in a scene that the peer does not support; in space it supports all rigid
-    scenes."""
+    scenes without friction whose contacts are of spheres."""
     planar = (_bodies, _joints, _drives, _forces, _damping, _solving)
     elastic = (_held_drives, _moving_guides, _spread, _damping, _solving)
-    parts = planar if not scene.is_spatial else elastic if has_elastic(scene) else ()
+    parts = planar if not scene.is_spatial else (*elastic, _touching) if has_elastic(scene) else (_touching,)
     problems = [problem for part in parts for problem in part(scene)]
     if problems:
         raise SceneError.gather(problems)
@@ -31,6 +33,11 @@ def check_buildable(scene: Scene) -> None:
 def has_elastic(scene: Scene) -> bool:
     """True if any of a scene's bodies is elastic."""
     return any(body.elastic for body in scene.bodies.values())
+
+
+def touches(scene: Scene) -> bool:
+    """True if a scene has contacts or clearances."""
+    return bool(scene.contacts) or any(joint.clearance is not None for joint in scene.joints.values())
 
 
 def _problem(key: str, value: object, reason: str) -> Problem:
@@ -116,6 +123,19 @@ def _forces(scene: Scene) -> Iterator[Problem]:
         yield _problem(f"springs.{name}", None, "a spring")
     for name in scene.contacts:
         yield _problem(f"contacts.{name}", None, "a contact")
+
+
+def _touching(scene: Scene) -> Iterator[Problem]:
+    mechanism = mechanism_of(scene)
+    keys = {name: f"contacts.{name}" if contact.joint is None else f"joints.{contact.joint}.clearance"
+            for name, contact in mechanism.contacts.items()}  # fmt: skip
+    for name, contact in mechanism.contacts.items():
+        if contact.kind not in CIRCLES or any(contact.direction):
+            yield _problem(keys[name], None, "a contact of other shapes than spheres")
+        elif contact.law not in ("hertz", "hunt-crossley"):
+            yield _problem(f"{keys[name]}.contact.law", contact.law, "this law")
+    for name in mechanism.frictions:
+        yield _problem(f"{keys.get(name, f'joints.{name}')}.friction", None, "friction")
 
 
 def _damping(scene: Scene) -> Iterator[Problem]:

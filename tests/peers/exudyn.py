@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
 from kaneflex.support.errors import SceneError, installed, naming
-from kaneflex_peers.buildable import check_buildable, cycles_to_steady_state, has_elastic
+from kaneflex_peers.buildable import check_buildable, cycles_to_steady_state, has_elastic, touches
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
@@ -52,7 +52,8 @@ def solve(
     from kaneflex.scene import with_settings
     from kaneflex.solve.loading import integrated, load
 
-    preset = "stiffened" if not scene.is_spatial else scene.solve.preset if has_elastic(scene) else "rigid"
+    own = has_elastic(scene) or touches(scene)
+    preset = "stiffened" if not scene.is_spatial else scene.solve.preset if own else "rigid"
     model = integrated(load(with_settings(scene, [f"solve.preset={preset}"]), progress))
     progress("building the scene in Exudyn")
     steps = resolution.steps or 4 * model.options.steps
@@ -106,6 +107,7 @@ def _run(built: Built | SpatialBuilt, model: Model, steps: int, cycles: int) -> 
     settings.timeIntegration.endTime = cycles * horizon
     settings.timeIntegration.numberOfSteps = cycles * steps
     settings.timeIntegration.adaptiveStep = False
+    settings.timeIntegration.discontinuous.useRecommendedStepSize = False
     settings.timeIntegration.generalizedAlpha.spectralRadius = _RHO_INFINITY
     settings.timeIntegration.newton.absoluteTolerance = _NEWTON_TOLERANCE
     settings.solution.file.write = False

@@ -116,6 +116,8 @@ def build(exudyn: ModuleType, model: Model, resolution: Resolution) -> Built:
         builder.load(name)
     for name in builder.mechanism.springs:
         builder.spring(name)
+    for name in builder.mechanism.contacts:
+        builder.contact(name)
     return built
 
 
@@ -321,6 +323,20 @@ class _Builder:
         self.built.springs[name] = self.system.AddObject(self.items.ObjectConnectorTorsionalSpringDamper(
             markerNumbers=[self._marker(side, self._stands(side.body).T @ axes) for side in joint.sides],
             stiffness=stiffness, damping=damping, offset=free - float(self.start[f"{spring.joint}.angle"][0]),
+        ))  # fmt: skip
+
+    def contact(self, name: str) -> None:
+        """Add a contact of spheres, or of a ball in its socket, by Hertz's law or Hunt and Crossley's."""
+        contact = self.mechanism.contacts[name]
+        hollow = contact.kind == "circle-in-circle"  # the second side's sphere, in that of the first
+        outer = contact.radius + contact.reach if hollow else contact.reach - contact.radius
+        lossy = contact.law == "hunt-crossley"
+        data = self.items.NodeGenericData(initialCoordinates=[0.0, 0.0, 0.0, 0.0], numberOfDataCoordinates=4)
+        self.system.AddObject(self.items.ObjectContactSphereSphere(
+            markerNumbers=[self._marker(contact.second), self._marker(contact.first)],
+            nodeNumber=self.system.AddNode(data), spheresRadii=[contact.radius, outer], isHollowSphere1=hollow,
+            contactStiffness=contact.stiffness, contactStiffnessExponent=contact.exponent,
+            restitutionCoefficient=contact.restitution if lossy else 1.0, impactModel=int(lossy),
         ))  # fmt: skip
 
 
