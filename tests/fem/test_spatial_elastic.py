@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from lifting import lifted
+from lifting import TURN, lifted
 from machines import machine
 from runs import shipped, solved
 from scipy.linalg import eig
@@ -61,6 +61,17 @@ def test_a_slow_start_asks_for_no_reactions_that_rigid_bodies_share():
     assert deep.model.module.open_reactions
     for sensor in ("coupler_mid", "follower_mid", "crank_tip"):
         assert deep[sensor].values == pytest.approx(flat[sensor].values, rel=5e-3), sensor
+
+
+def test_a_plane_in_space_moves_as_many_coordinates_as_the_plane():
+    """Out-of-plane bending and twist stay at rest, unless gravity has a component across the plane."""
+    for name in ("four-bar", "slider-crank-150"):
+        planar = read_scene(name)
+        given = lifted(planar) | {"solve": planar.raw["solve"]}
+        across = given | {"gravity": [float(x) for x in TURN @ [0.0, 1.0, 1e-9]]}
+        systems = [load(scene).system for scene in (planar, scene_of(given), scene_of(across))]
+        flat, deep, heavy = (each.reached(*np.zeros((2, each.n))).sum() for each in systems)
+        assert flat == deep == systems[0].n < heavy <= systems[1].n
 
 
 CARRIED = machine(

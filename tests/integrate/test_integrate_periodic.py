@@ -97,6 +97,51 @@ def test_a_periodic_run_repeats_its_cycle(method, steps, every):
         np.testing.assert_allclose(expected[-1], expected[0], rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
+def beside(damping):
+    """The same four coordinates among two oscillators without loads, with a damping; and the mask of the four."""
+    system, table = coupled()
+    moving = np.array([True, False, True, True, False, True])
+    place, terms = np.ix_(moving, moving), {}
+    for name in "MCK":
+        terms[name] = np.zeros((3, 6, 6))
+        for one, own in zip(np.eye(3), terms[name], strict=True):
+            own[place] = system.dense(name, one)
+        terms[name][0][~moving, ~moving] = {"M": 1.0, "C": damping, "K": 0.3}[name]
+    force = np.zeros((6, 3))
+    force[moving] = system.F.toarray()
+    return affine(6, 5, terms, force), table, moving
+
+
+@pytest.mark.parametrize("method", [*COMPILED, "spectral"])
+@pytest.mark.parametrize("start", ["zero", "given", "periodic"])
+def test_coordinates_at_rest_beside_others_change_nothing(method, start):
+    if method == "spectral" and start != "periodic":
+        pytest.skip("finds periodic motions only")
+    alone, (whole, table, moving) = coupled()[0], beside(1.5)
+    z = np.linspace(0.1, 0.4, 4)
+    inside, period = np.zeros(6), {"period_steps": 200, "method": method}
+    inside[moving] = z
+    starts = ((z, -z), (inside, -inside)) if start == "given" else (start, start)
+    run, found = (integrate(Run(system, table, 0.3, CYCLE / 200, 300, start=own, **period))
+                  for system, own in zip((alone, whole), starts, strict=True))  # fmt: skip
+    for expected, own in zip((run.z, run.v, run.a), (found.z, found.v, found.a), strict=True):
+        np.testing.assert_allclose(own[:, moving], expected, rtol=0, atol=1e-12 * abs(expected).max())
+        assert not own[:, ~moving].any()
+    assert (found.outcome, found.message) == (run.outcome, run.message)
+    if start == "periodic":
+        rest = np.roots([1.0, 1.5, 0.3]) * CYCLE
+        expected = sorted([*abs(run.multipliers), *np.exp(rest), *np.exp(rest)], reverse=True)
+        assert abs(found.multipliers) == pytest.approx(expected, rel=0.02 if method == "spectral" else 2e-3, abs=1e-6)
+    else:
+        assert found.multipliers is None
+
+
+def test_coordinates_at_rest_may_be_unstable():
+    system, table, _ = beside(-0.1)
+    run = integrate(Run(system, table, 0.3, CYCLE / 200, 200, "radau", start="periodic", period_steps=200))
+    assert run.outcome is Outcome.UNSTABLE and "exceeds one" in run.message
+
+
 def test_a_singular_step_in_a_cycle_is_named_with_its_time():
     """M vanishes at the middle of the cycle."""
     system, _ = coupled()

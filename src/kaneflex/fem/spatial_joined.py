@@ -119,15 +119,15 @@ class Joined:
 
         ``joints``: those whose rows are computed, by default all; the others' are left at zero.
         """
-        turned = {body: turning(motion, body) for body in (GROUND, *self.mechanism.bodies)}
+        computed = [joint for name, joint in self.mechanism.joints.items() if joints is None or name in joints]
+        turned = {body: turning(motion, body) for body in {side.body for joint in computed for side in joint.sides}}
         J = np.zeros((orders, len(motion.times), self.row_count, len(self.tied)), motion.values.dtype)
-        for name, joint in self.mechanism.joints.items():
-            if joints is None or name in joints:
-                for each, side in zip(self.coefficients(motion, joint, turned), joint.sides, strict=True):
-                    point = self.point(side)
-                    if point is not None:
-                        of_body = each[:orders] if side.body in self.links else each[:orders] @ point[1]
-                        J[:, :, self.where[name], self.places(point[0])] = of_body
+        for joint in computed:
+            for each, side in zip(self.coefficients(motion, joint, turned), joint.sides, strict=True):
+                point = self.point(side)
+                if point is not None:
+                    of_body = each[:orders] if side.body in self.links else each[:orders] @ point[1]
+                    J[:, :, self.where[joint.name], self.places(point[0])] = of_body
         return J
 
     @cached_property

@@ -21,8 +21,8 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 
 _VARY = 1e-9
 """Change of an entry of L over the run, in its own measure, that counts as none."""
-_AT_ONCE = 256
-"""Number of instants whose rows and maps are in memory at once; allocating more takes longer than computing them."""
+_AT_ONCE = 300_000
+"""Numbers in the rows of the instants that are in memory at once; allocating more takes longer than computing them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +76,9 @@ class SpatialMap:
         columns, column = np.unique(self.varying[:, 1], return_inverse=True)
         row = np.where(rows < joined.size, joined.places(rows), rows - joined.size + len(joined.tied))
         found = np.empty((len(motion.times), len(rows), 3))
-        for first in range(0, len(motion.times), _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
+        count = max(_AT_ONCE // (joined.row_count * len(joined.tied)), 1)
+        for first in range(0, len(motion.times), count):
+            part = slice(first, first + count)
             some = replace(motion, times=motion.times[part], values=motion.values[part])
             found[part] = joined.tied_maps(some, self.choice, columns)[:, :, row, column].transpose(1, 2, 0)
         return found.reshape(len(motion.times), 3 * len(rows))

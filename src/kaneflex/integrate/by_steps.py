@@ -20,9 +20,9 @@ from kaneflex.integrate.system import (
     Table,
     Trajectory,
     check_arguments,
+    given_state,
     steps_of_cycle,
 )
-from kaneflex.support.errors import UserError
 
 
 def by_steps(run: Run, progress: Progress | None = None) -> Trajectory:
@@ -144,14 +144,3 @@ def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int) -> Trajec
     times = t0 + step * (every * np.arange(rows))
     ended = (advanced.outcome if advanced.outcome is not Outcome.COMPLETED else outcome, message, beginning.multipliers)
     return Trajectory(times, *(out[:rows] for out in stored), *ended, advanced.ns_per_step)
-
-
-def given_state(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    n = run.system.n
-    if isinstance(run.start, str):
-        return np.zeros(n), np.zeros(n)
-    z, v = (np.asarray(part, dtype=float) for part in run.start)
-    for name, part in (("z", z), ("v", v)):
-        if part.shape != (n,) or not np.isfinite(part).all():
-            raise UserError(f"start {name}", part, f"must be {n} finite numbers", "Give one number for each coordinate")
-    return z, v

@@ -42,3 +42,13 @@ class Terms(NamedTuple):
     ends: Any
     what: Any
     values: Any
+
+
+class Layout(NamedTuple):
+    """Layout of a banded matrix: entry (i, j) at ``base[i] + j`` for ``first[i] <= j < last[i]``."""
+
+    n: int
+    n_slots: int
+    base: Any
+    first: Any
+    last: Any

@@ -169,9 +169,8 @@ def _cholesky(stiffness: np.ndarray) -> np.ndarray:
     """Factor of K, shape (n, 2 w + 1, N), as `Grid` has it (Golub and Van Loan 2013, 4.3.5)."""
     n, w = len(stiffness), stiffness.shape[1] // 2
     rest = stiffness[:, : w + 1].copy()
-    for i in range(1, n):  # the symmetric part
-        for j in range(max(0, i - w), i):
-            rest[i, j - i + w] = 0.5 * (stiffness[i, j - i + w] + stiffness[j, i - j + w])
+    for d in range(1, w + 1):  # the symmetric part
+        rest[d:, w - d] = 0.5 * (stiffness[d:, w - d] + stiffness[:-d, w + d])
     for j in range(n):
         pivot = rest[j, w]
         if not (pivot > _ROUNDING * np.abs(stiffness[j, w])).all():

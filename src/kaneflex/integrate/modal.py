@@ -51,7 +51,8 @@ def forces(system: AffineSystem, rows: np.ndarray) -> np.ndarray:
 
 def constants(system: AffineSystem) -> np.ndarray:
     """Indices of the scalars that must not change in time: those of M, C and K."""
-    return np.unique(np.concatenate([system.scalars_of(name) for name in ("M", "C", "K")]))
+    matrices = (system.M, system.C, system.K)
+    return np.unique(np.concatenate([each.indices[each.data != 0.0] for each in matrices]))
 
 
 def _diagonal(system: AffineSystem, name: str, row: np.ndarray) -> np.ndarray:

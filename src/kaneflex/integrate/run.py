@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from kaneflex.integrate.system import (
     Run,
     Trajectory,
     check_arguments,
+    given_state,
     leading,
     steps_of_cycle,
 )
@@ -41,15 +41,34 @@ def integrate(run: Run, progress: Progress | None = None) -> Trajectory:
     for invalid arguments, and for a table with numbers that are not finite.
     """
     check_arguments(run)
-    if run.method == "spectral":
-        return _spectral(run, progress)
-    from kaneflex.integrate.by_steps import by_steps
+    moving = run.system.reached(*given_state(run))
+    if moving.all() or not moving.any():
+        return _by_method(run, progress)
+    parts, (z, v) = list[Trajectory](), (each[moving] for each in given_state(run))
+    if run.start == "periodic":  # what stays at rest may be unstable, too
+        parts = [_by_method(replace(run, system=run.system.part(~moving)))]
+        if parts[0].message != Outcome.COMPLETED.value:
+            return _by_method(run, progress)
+    start = run.start if isinstance(run.start, str) else (z, v)
+    parts.append(_by_method(replace(run, system=run.system.part(moving), start=start), progress))
 
-    return by_steps(run, progress)
+    def floquet() -> np.ndarray | None:
+        known = [each.multipliers for each in parts if each.multipliers is not None]
+        return leading(np.concatenate(known), run.system.n) if len(known) == len(parts) else None
+
+    found = parts[-1]
+    whole = np.zeros((3, len(found.times), run.system.n))
+    whole[:, :, moving] = found.z, found.v, found.a
+    z, v, a = whole
+    return replace(found, z=z, v=v, a=a, floquet=floquet)
 
 
-def _spectral(run: Run, progress: Progress | None) -> Trajectory:
-    """Periodic motion by its harmonics, or by steps of radau if too many harmonics are needed."""
+def _by_method(run: Run, progress: Progress | None = None) -> Trajectory:
+    """Motion by steps, or a periodic one by its harmonics; by steps of radau if too many harmonics are needed."""
+    if run.method != "spectral":
+        from kaneflex.integrate.by_steps import by_steps
+
+        return by_steps(run, progress)
     started, steps = time.perf_counter(), steps_of_cycle(run)
     period = run.step * steps
     orbit = periodic_orbit(run.system, run.table, run.t0, period, run.tolerance)
@@ -86,7 +105,7 @@ def _judged(run: Run, orbit: Orbit, progress: Progress | None) -> tuple[Outcome,
         return Outcome.COMPLETED, "the stability is unknown: the steps are too long", None
     moved = monodromy(grid)
     if dies_away(moved):
-        return Outcome.COMPLETED, "", partial(_eigenvalues, moved)
+        return Outcome.COMPLETED, "", lambda: leading(np.linalg.eigvals(moved), grid.n)
     from kaneflex.integrate.by_steps import periodic_start
 
     judged = periodic_start(replace(run, method="radau", n_steps=steps), progress)
@@ -103,10 +122,6 @@ def dies_away(moved: np.ndarray) -> bool:
         for _ in range(_SQUARED):
             power = power @ power
         return float(np.linalg.norm(power)) ** (0.5**_SQUARED) < _CLEAR
-
-
-def _eigenvalues(matrix: np.ndarray) -> np.ndarray:
-    return leading(np.linalg.eigvals(matrix), len(matrix) // 2)
 
 
 PIECES = 64

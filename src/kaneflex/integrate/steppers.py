@@ -3,7 +3,7 @@
 Arguments of the loops are addresses of arrays, row by row:
 
 plan           whole numbers, see `kaneflex.integrate.conventions.Plan`
-layout, stages of the system and of all stages' unknowns: base, first and last of a `kaneflex.integrate.system.Layout`
+layout, stages of the system and of all stages' unknowns: base, first and last of a `Layout`, see there
 ends, what,    terms of the system: `AffineSystem.sums`
 values
 scalars        table: of each step a row at its start and at its stages, if there are any, and the end of the last step;
@@ -23,8 +23,7 @@ They return the number of completed steps, times OUTCOMES, and an outcome.
 from numba import njit
 from numba.types import CPointer, float64, int64
 
-from kaneflex.integrate.conventions import COMPLETED, FASTMATH, OUTCOMES, SINGULAR, UNBOUNDED, Plan, Terms
-from kaneflex.integrate.system import Layout
+from kaneflex.integrate.conventions import COMPLETED, FASTMATH, OUTCOMES, SINGULAR, UNBOUNDED, Layout, Plan, Terms
 from kaneflex.support.inner import PART, shifted
 
 _SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding

@@ -14,7 +14,7 @@ import numpy as np
 from kaneflex.integrate.conventions import COMPLETED, OUTCOMES, SINGULAR, UNBOUNDED, Plan
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.streams import CoefficientStream
-from kaneflex.integrate.system import AffineSystem, Layout, Outcome, Progress
+from kaneflex.integrate.system import AffineSystem, Outcome, Progress
 from kaneflex.support.c_library import FAST, addresses_of, by_address
 
 _WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: about a tenth of a second
@@ -27,7 +27,7 @@ _OUTCOMES = {
     UNBOUNDED: Outcome.UNSTABLE,
 }
 _STEPPERS = "newmark", "collocation", "exact_modal"
-_PARTS = "integrate.conventions", "integrate.system"
+_PARTS = ("integrate.conventions",)
 _ARGUMENTS = *(ctypes.c_void_p,) * 17, ctypes.c_double
 
 
@@ -36,16 +36,6 @@ def stepper(name: str) -> Callable[..., int]:
     """Compiled loop of `kaneflex.integrate.steppers`."""
     addresses = addresses_of("integrate.steppers", _STEPPERS, _PARTS, FAST)
     return ctypes.CFUNCTYPE(ctypes.c_int64, *_ARGUMENTS)(addresses[_STEPPERS.index(name)])
-
-
-def layout_of(system: AffineSystem, copies: int) -> Layout:
-    """Layout of a band with every coordinate `copies` times, side by side; zeros beyond the profile are stored, too."""
-    n, half_bandwidth = system.n, system.half_bandwidth
-    rows, blocks = np.arange(n * copies), np.repeat(np.arange(n), copies)
-    width = (2 * half_bandwidth + 1) * copies
-    first, last = (each[blocks] * copies for each in system.profile)
-    places = (each.astype(np.int64) for each in (rows * width - (blocks - half_bandwidth) * copies, first, last))
-    return Layout(n * copies, n * copies * width, *places)
 
 
 class State(NamedTuple):
@@ -104,16 +94,23 @@ class Setup:
     scales: tuple[float, ...]
     progress: Progress | None = None
 
-    def layout(self, copies: int) -> Layout:
-        """Layout of the matrices of as many copies of all coordinates."""
-        return layout_of(self.system, copies)
+    def slots(self, copies: int) -> int:
+        """Numbers in the band of a matrix with every coordinate `copies` times, side by side."""
+        return self.system.n * (2 * self.system.half_bandwidth + 1) * copies**2
 
     @cached_property
-    def layouts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Places in the matrices of the system and of all stages: base, first and last, one after the other."""
-        both = (self.layout(max(1, copies)) for copies in (1, self.method.stages))
-        own, stages = (np.concatenate((each.base, each.first, each.last)) for each in both)
-        return own, stages
+    def layouts(self) -> list[np.ndarray]:
+        """Layouts of the matrices of the system and of all stages: base, first and last, one after the other.
+
+        Zeros within the profile are stored, too.
+        """
+        n, w, found = self.system.n, self.system.half_bandwidth, list[np.ndarray]()
+        for copies in (1, max(1, self.method.stages)):
+            rows, blocks = np.arange(n * copies), np.repeat(np.arange(n), copies)
+            base = (rows * (2 * w + 1) - blocks + w) * copies
+            first, last = (each[blocks] * copies for each in self.system.profile)
+            found.append(np.concatenate((base, first, last)).astype(np.int64))
+        return found
 
     @cached_property
     def work(self) -> dict[int, np.ndarray]:
@@ -130,7 +127,7 @@ class Setup:
         ones.
         """
         (n, columns), stages, (scalars, period, position, n_steps) = state.z.shape, self.method.stages, piece
-        slots, n_scalars = self.layout(1).n_slots, scalars.shape[1]
+        slots, n_scalars = self.slots(1), scalars.shape[1]
         plan = np.array(Plan(n, columns, slots, stages, n_scalars, period, position, n_steps, *counted), np.int64)
         if columns not in self.work:
             matrices = 3 * (3 * slots + n) + stages * n + (stages**2 + 1) * slots
@@ -215,7 +212,7 @@ class _Bound:
 
 def _steps_of_a_call(setup: Setup, columns: int) -> int:
     stages = max(setup.method.stages, 1)
-    n_slots = int(setup.layout(stages).n_slots)
+    n_slots = setup.slots(stages)
     factor = n_slots * stages * (setup.system.half_bandwidth + 1)
     # sums at every node of the table, the factorisation, and C v, K z and a solve in every column
     work = len(setup.method.nodes) * setup.system.sums[2].size + factor + columns * 4 * n_slots

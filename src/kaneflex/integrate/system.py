@@ -6,28 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from kaneflex.support.errors import UserError
-from kaneflex.support.sparse_rows import SparseRows, rows_of
+from kaneflex.support.sparse_rows import Entries, SparseRows, coefficients, rows_of
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 Rows: TypeAlias = "SparseRows | csr_array"
 _MATRICES = ("M", "C", "K")
-
-
-class Layout(NamedTuple):
-    """Layout of a banded matrix: entry (i, j) at ``base[i] + j`` for ``first[i] <= j < last[i]``."""
-
-    n: int
-    n_slots: int
-    base: np.ndarray
-    first: np.ndarray
-    last: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,32 +50,30 @@ class AffineSystem:
             expected = (self.n if name == "F" else rows, self.n_scalars)
             if getattr(self, name).shape != expected:
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}: must be {expected}")
-        for name in _MATRICES:
-            matrix = getattr(self, name)
-            _, columns = self._places(rows_of(matrix)[matrix.data != 0.0])
-            if columns.size and (columns.min() < 0 or columns.max() >= self.n):
+            columns = self._entries(name).columns
+            if columns.min(initial=0) < 0 or columns.max(initial=0) >= self.n:
                 raise ValueError(f"{name} has an entry in a column outside 0 to {self.n - 1}, off the matrix")
+
+    @classmethod
+    def of(cls, n: int, n_scalars: int, M: Entries, C: Entries, K: Entries, F: Entries) -> AffineSystem:
+        """System with these entries, in the narrowest band."""
+        w = max(int(abs(each.rows - each.columns).max(initial=0)) for each in (M, C, K))
+        shape = n * (2 * w + 1), n_scalars
+        banded = (coefficients(2 * w * each.rows + each.columns + w, each, shape) for each in (M, C, K))
+        return cls(n, w, *(*banded, coefficients(F.rows, F, (n, n_scalars))))
 
     @property
     def n_scalars(self) -> int:
         """Number of scalars in a row of the table."""
         return self.F.shape[1]
 
-    def scalars_of(self, name: str) -> np.ndarray:
-        """Indices of the scalars that enter M, C, K or F."""
-        matrix = getattr(self, name)
-        return np.unique(matrix.indices[matrix.data != 0.0])
-
     def dense(self, name: str, scalars: np.ndarray) -> np.ndarray:
         """M, C or K as an (n, n) array, or F as (n,), at one row of the table, shape (n_scalars,)."""
-        values = getattr(self, name) @ np.asarray(scalars, dtype=float)
+        scalars = np.asarray(scalars, dtype=float)
         if name == "F":
-            return values
-        matrix = np.zeros((self.n, self.n))
-        slots = np.flatnonzero(values)
-        width = 2 * self.half_bandwidth + 1
-        rows = slots // width
-        matrix[rows, slots % width + rows - self.half_bandwidth] = values[slots]
+            return self.F @ scalars
+        matrix, each = np.zeros((self.n, self.n)), self._entries(name)
+        np.add.at(matrix, (each.rows, each.columns), each.values * scalars[each.scalars])
         return matrix
 
     @cached_property
@@ -93,9 +81,7 @@ class AffineSystem:
         """First column of each row in the factors of M, C and K, and the one after the last: elimination fills no
         others (Jennings 1966)."""
         last = np.arange(self.n) + 1
-        for name in _MATRICES:
-            matrix = getattr(self, name)
-            rows, columns = self._places(rows_of(matrix)[matrix.data != 0.0])
+        for rows, columns, *_ in map(self._entries, _MATRICES):
             np.maximum.at(last, np.minimum(rows, columns), np.maximum(rows, columns) + 1)
         last = np.maximum.accumulate(last)
         return np.searchsorted(last, np.arange(self.n), side="right"), last
@@ -114,13 +100,32 @@ class AffineSystem:
         rows = self.stacked
         return rows.indptr.astype(np.int64), rows.indices.astype(np.int64), rows.data
 
-    def _places(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        width = 2 * self.half_bandwidth + 1
-        rows = slots // width
-        return rows, slots % width + rows - self.half_bandwidth
+    def reached(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Mask of the coordinates, (n,), that move from a state (z, v) or by F, or are coupled to such ones."""
+        found = (z != 0.0) | (v != 0.0)
+        found[self._entries("F").rows] = True
+        rows, columns = np.hstack([self._entries(name)[:2] for name in _MATRICES])
+        while (between := found[rows] != found[columns]).any():
+            found[rows[between]] = found[columns[between]] = True
+        return found
+
+    def part(self, chosen: np.ndarray) -> AffineSystem:
+        """Equations of some coordinates, a mask of shape (n,), that are not coupled to others."""
+        place, found = np.cumsum(chosen) - 1, list[Entries]()
+        for each in map(self._entries, (*_MATRICES, "F")):
+            rows, columns, *numbers = (of[chosen[each.rows]] for of in each)
+            found.append(Entries(place[rows], place[columns], *numbers))
+        return AffineSystem.of(int(chosen.sum()), self.n_scalars, *found)
+
+    def _entries(self, name: str) -> Entries:
+        """Entries of M, C or K that are not zero, or of F, in a column each."""
+        matrix, w = getattr(self, name), 0 if name == "F" else self.half_bandwidth
+        stored = np.flatnonzero(matrix.data)
+        rows, offset = np.divmod(rows_of(matrix)[stored], 2 * w + 1)
+        return Entries(rows, rows + offset - w, matrix.data[stored], matrix.indices[stored])
 
 
-Floquet = np.ndarray | Callable[[], np.ndarray] | None
+Floquet = np.ndarray | Callable[[], np.ndarray | None] | None
 
 
 class Outcome(Enum):
@@ -244,3 +249,15 @@ def steps_of_cycle(run: Run) -> int:
     """Number of steps in a cycle of a run that has one."""
     assert run.period_steps is not None  # or no periodic start was asked for: `check_arguments`
     return run.period_steps
+
+
+def given_state(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Initial z and v of a run, zero unless it gives them; raises UserError if they are not n finite numbers."""
+    if isinstance(run.start, str):
+        return np.zeros(run.system.n), np.zeros(run.system.n)
+    n = run.system.n
+    z, v = (np.asarray(part, dtype=float) for part in run.start)
+    for name, part in (("z", z), ("v", v)):
+        if part.shape != (n,) or not np.isfinite(part).all():
+            raise UserError(f"start {name}", part, f"must be {n} finite numbers", "Give one number for each coordinate")
+    return z, v

@@ -11,11 +11,11 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from kaneflex.support.sparse_rows import SparseRows
+from kaneflex.support.sparse_rows import Entries
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -187,15 +187,6 @@ class Affine:
         return sum(map(abs, self.terms.values()), from_entries(self.shape, (), (), ()))
 
 
-class Entries(NamedTuple):
-    """Nonzero entries of the terms of an :class:`Affine`: row, column, value, and index of the monomial."""
-
-    rows: np.ndarray
-    columns: np.ndarray
-    values: np.ndarray
-    monomials: np.ndarray
-
-
 def numbered_entries(affine: Affine, monomials: Sequence[Monomial]) -> Entries:
     """Entries of all terms, with the given numbering of monomials."""
     number = {monomial: k for k, monomial in enumerate(monomials)}
@@ -205,13 +196,6 @@ def numbered_entries(affine: Affine, monomials: Sequence[Monomial]) -> Entries:
         rows, columns, values = entries(matrix)
         found.append((rows, columns, values, np.full(len(values), number[monomial])))
     return Entries(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
-
-
-def coefficients(slot: np.ndarray, found: Entries, shape: tuple[int, int]) -> SparseRows:
-    """Matrix (slots x monomials) whose product with the monomials' values gives the values of the slots."""
-    order = np.lexsort((found.monomials, slot))
-    ends = np.cumsum(np.bincount(slot, minlength=shape[0]))
-    return SparseRows(found.values[order], found.monomials[order], np.append(0, ends), shape)
 
 
 def _rate_of(name: str) -> tuple[float, tuple[str, ...]]:

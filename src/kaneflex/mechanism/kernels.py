@@ -21,9 +21,10 @@ import numpy as np
 from numba import float64, njit, void
 from numba.types import WrapperAddressProtocol
 
-from kaneflex.mechanism.affine import Affine, Products, coefficients, numbered_entries
+from kaneflex.mechanism.affine import Affine, Products, numbered_entries
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.support.inner import PART
+from kaneflex.support.sparse_rows import coefficients
 
 compiled = njit(cache=True, error_model="numpy")
 part = njit(error_model="numpy", **PART)

@@ -10,10 +10,11 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, coefficients, numbered_entries
+from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, numbered_entries
 from kaneflex.mechanism.body_frame import BodyFrame
 from kaneflex.support.array_kernels import on_arrays
 from kaneflex.support.errors import SceneError
+from kaneflex.support.sparse_rows import coefficients
 
 _MANY = 200
 """Number of terms above which a matrix is summed entry by entry, since most entries have few terms."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -46,3 +46,19 @@ class SparseRows:
 def rows_of(matrix: SparseRows | csr_array) -> np.ndarray:
     """Row of each stored number."""
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
+class Entries(NamedTuple):
+    """Nonzero entries of a sum of scalar x matrix: row, column, value, and index of the scalar."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
+    scalars: np.ndarray
+
+
+def coefficients(slot: np.ndarray, found: Entries, shape: tuple[int, int]) -> SparseRows:
+    """Matrix (slots x scalars) whose product with the scalars' values gives the values of the slots."""
+    order = np.lexsort((found.scalars, slot))
+    ends = np.cumsum(np.bincount(slot, minlength=shape[0]))
+    return SparseRows(found.values[order], found.scalars[order], np.append(0, ends), shape)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import ModuleType
@@ -17,7 +17,7 @@ from kaneflex.fem.coordinate_map import Frame, Interfaces, Placed
 from kaneflex.fem.links import Link, Part
 from kaneflex.fem.modes import rayleigh_coefficients
 from kaneflex.integrate.system import AffineSystem
-from kaneflex.mechanism.affine import Affine, Monomial, Products, as_array, coefficients, numbered_entries
+from kaneflex.mechanism.affine import Affine, Monomial, Products, as_array, numbered_entries
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion, not_integrated
 from kaneflex.scene import Scene
@@ -25,7 +25,6 @@ from kaneflex.scene.option_check import refuse_in_space
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError, counted
 from kaneflex.support.escaping import visible
-from kaneflex.support.sparse_rows import SparseRows
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
@@ -340,23 +339,8 @@ class Model:
     @cached_property
     def system(self) -> AffineSystem:
         """The kept equations as the integrators read them."""
-        return affine_system(self.kept, self.monomials)
-
-
-def affine_system(kept: Mapping[str, Affine], monomials: Sequence[Monomial]) -> AffineSystem:
-    """M, C, K, F as the integrators read them: one column for each product of the motion's scalars."""
-    size = kept["M"].shape[0]
-    found = {name: numbered_entries(kept[name], monomials) for name in ("M", "C", "K", "F")}
-    half_bandwidth = max(int(abs(found[name].rows - found[name].columns).max(initial=0)) for name in "MCK")
-    width = 2 * half_bandwidth + 1
-
-    def slots(name: str) -> SparseRows:
-        each = found[name]
-        banded = each.rows * width + each.columns - each.rows + half_bandwidth
-        count, slot = (size, each.rows) if name == "F" else (size * width, banded)
-        return coefficients(slot, each, (count, len(monomials)))
-
-    return AffineSystem(size, half_bandwidth, *(slots(name) for name in ("M", "C", "K", "F")))
+        entries = (numbered_entries(self.kept[name], self.monomials) for name in "MCKF")
+        return AffineSystem.of(self.reduced.size, len(self.monomials), *entries)
 
 
 def keep_terms(equations: ElasticEquations, options: Options) -> dict[str, Affine]:

@@ -44,6 +44,8 @@ _LEFT_OUT = (
 )
 _ON_RIGID = {f"{kind}_{axis}": 3 * k + i for k, kind in enumerate(("push", "turn")) for i, axis in enumerate(AXES)}
 """Loads on a rigid body -> their rows."""
+_PARALLEL = 1e-12
+"""Sine of an angle between an axis and another, or a plane, that counts as parallel."""
 _IRREGULAR = 0.381966
 """Place of irregular instants between two even ones, unlikely to be special positions."""
 
@@ -136,13 +138,11 @@ class DeformingKinematics(SpatialKinematics):
     """Rigid motion of a mechanism in space with the scalars of its elastic stage."""
 
     deforming: Deforming
-    arms: frozenset[str]
-    """Statically indeterminate ARMS, which are omitted."""
 
     def at(self, times: np.ndarray | float, record: np.ndarray | None = None) -> SpatialMotion:
         rigid = self.rigid_only.at(times)
         out = np.hstack([rigid.values, self.deforming.table(rigid)])
-        out[:, [self.column[name] for name in self.arms]] = 0.0
+        out[:, [self.column[name] for name in self.module.CONSTANTS]] = 0.0
         out[:, [self.column[name] for name in self.module.open_reactions if name in self.column]] = np.nan
         return SpatialMotion(self, rigid.times, out)
 
@@ -170,8 +170,7 @@ def with_elastic_parts(model: Model, frozen: Mapping[str, np.ndarray]) -> Model:
     own = {tie.site: tie.site for tie in ties}
     interfaces = Interfaces(ties, frozenset(tie.joint for tie in ties), own, own, {})
     elastic, bases = parts_of_links(options, links, interfaces, frozen)
-    parts = {name: elastic[name] if name in links else with_pushes(rigid_part(name, body), _ON_RIGID)
-             for name, body in mechanism.bodies.items()}  # fmt: skip
+    parts = {name: elastic[name] if name in links else _loaded(mechanism, name) for name in mechanism.bodies}
     held_too = [name for name, drive in mechanism.drives.items()
                 if drive.rotation == "held" or not any(side.body in links for side in mechanism.joints[name].sides)]
     held_too += [name for name in mechanism.joints if name in mechanism.shared]
@@ -199,11 +198,35 @@ def with_elastic_parts(model: Model, frozen: Mapping[str, np.ndarray]) -> Model:
     _check_pulls(lost - arms, options)
     stiffened = sorted({name.partition(".")[0] for name in arms} & moving)
     warnings = (_LEFT_OUT.format(bodies=", ".join(stiffened)),) if stiffened and options.geometric else ()
-    module = replace(motion.module, more=scalars, open_reactions=motion.module.open_reactions | (lost - arms))
-    moved = DeformingKinematics(module, motion.parameters, motion.curve, deforming, arms)
+    absent = dict.fromkeys([*_absent(mechanism), *arms], 0.0)
+    lost = motion.module.open_reactions | (lost - arms)
+    module = replace(motion.module, more=scalars, CONSTANTS=absent, open_reactions=lost)
+    moved = DeformingKinematics(module, motion.parameters, motion.curve, deforming)
     return replace(model, motion=moved, links=links, parts={name: parts[name] for name in links}, bases=bases,
                    interfaces=interfaces, frame=frame, placed=tuple(placed),
                    sprung={each.part.name: each for each in springs}, warnings=warnings)  # fmt: skip
+
+
+def _loaded(mechanism: SpatialMechanism, name: str) -> Part:
+    """Rigid body with rows for the loads on it, if there are any."""
+    pushed = any(side.body == name for load in mechanism.loads.values() for side, _ in load.pushes)
+    return with_pushes(rigid_part(name, mechanism.bodies[name]), _ON_RIGID if pushed else {})
+
+
+def _absent(mechanism: SpatialMechanism) -> Iterator[str]:
+    """Scalars that are zero by structure: arms on lumped masses, and, if the joints let all bodies move in parallel
+    planes only, motion across these."""
+    yield from (f"{name}.link.{each}" for name in mechanism.lumped for each in ARMS)
+    moves = [(kind, mechanism.rest_axes(joint.sides[0].body) @ axis)
+             for joint in mechanism.joints.values() for kind, axis in joint.moves]  # fmt: skip
+    normal = next((axis for kind, axis in moves if kind == "angle"), np.zeros(3))
+    across = {"angle": np.eye(3) - np.outer(normal, normal), "position": normal}
+    level = all(kind in across and abs(across[kind] @ axis).max() < _PARALLEL for kind, axis in moves)
+    heavy = abs(normal @ mechanism.gravity) > _PARALLEL * np.linalg.norm(mechanism.gravity)
+    for body in mechanism.bodies if level and not mechanism.floating else ():
+        turns = abs(mechanism.rest_axes(body).T @ normal) > _PARALLEL
+        still = {"omega": ~turns, "epsilon": ~turns, "a": turns & (turns.sum() == 1) & ~heavy}
+        yield from (f"{body}.link.{kind}_{AXES[k]}" for kind, mask in still.items() for k in np.flatnonzero(mask))
 
 
 def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:

@@ -369,7 +369,7 @@ class ComputedModule:
     the generated module of the system's laws."""
 
     system: Any
-    CONSTANTS: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    CONSTANTS: Mapping[str, float] = MappingProxyType({})
     LOOPS: ClassVar[tuple] = ()
     TERMS: ClassVar[tuple] = ()
     LINKS: ClassVar[tuple] = ()

@@ -4,8 +4,8 @@ its rigid reference."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -42,11 +42,14 @@ class SpatialModule(ComputedModule):
         Statically indeterminate reactions, which are NaN.
     more : tuple
         Name, unit and meaning of further scalars for elastic bodies.
+    CONSTANTS : mapping of str to float
+        Those of them that are zero by structure.
     """
 
     system: System
     open_reactions: frozenset[str] = frozenset()
     more: tuple[tuple[str, str, str], ...] = ()
+    CONSTANTS: Mapping[str, float] = field(default_factory=dict)
     determined: ClassVar[bool] = False
     """In the plane: whether runs of deforming bodies also have forces of the rigid mechanism."""
 
