@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from hostile_names import NAME
+from machines import machine
 from places import DOCS, ROOT
 from runs import solved
 
@@ -113,6 +114,17 @@ def test_a_constant_load_in_space_can_be_set(fmpy, tmp_path):
     assert worst(found, expected) < 1e-9
     assert worst(found, before) > 0.1
     assert worst(simulated(fmpy, tmp_path / "load.fmu", "CoSimulation"), before) < 1e-9
+
+
+def test_a_load_whose_reactions_do_not_vary_over_the_cycle_can_be_set():
+    made = export_fmu(scene_of(machine(
+        bodies=dict(shaft='length = 0.4, beam = {material = "steel", section = {circle = 0.02}, elements = 1}'),
+        joints=dict(main="revolute ground shaft.start, axis = [1, 0, 0]"),
+        drives=dict(main='speed = "600 rpm", cycle = "360 deg"'),
+        loads=dict(brake='torque_at = "main", value = -5'), sensors=dict(torque="drive_torque main"),
+        solve=dict(preset="linear", steps=72),
+    )))  # fmt: skip
+    assert made.inputs == ("loads.brake.value",)
 
 
 @pytest.mark.exhaustive

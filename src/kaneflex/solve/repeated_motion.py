@@ -146,7 +146,7 @@ def harmonics_of(model: Model, columns: Iterable[int], asked: str, beyond: Rigid
     kept = np.flatnonzero((abs(found[1:-1]) > _NEGLIGIBLE * scale).any(axis=1))  # the sine of the last one is not known
     count = kept[-1] + 1 if len(kept) else 0
     parts = np.stack([found[1 : count + 1].real, -found[1 : count + 1].imag], axis=1)
-    numbers = np.vstack([found[:1].real, parts.reshape(2 * count, -1)])
+    numbers = np.vstack([found[:1].real, parts.reshape(2 * count, len(own))])
     return Harmonics(period, own, drifts, numbers, float((apart / np.maximum(abs(values).max(axis=0), scale)).max()))
 
 
