@@ -96,8 +96,10 @@ class Buckling:
 def buckling(model: Model, times: np.ndarray) -> Buckling | None:
     """Load factors at ``times`` [s] from the elastic coordinates of the whole mechanism, in link axes.
 
-    None if K_s is not positive definite: an unrestrained mechanism has no buckling load.
+    None if K_s is not positive definite, as an unrestrained mechanism has no buckling load, or if axial forces are
+    statically indeterminate.
     """
     rigid = model.motion.at(times)
-    factors = load_factors(rigid.matrices(model.equations.K_s), rigid.matrices(model.equations.K_g))
+    geometric = rigid.matrices(model.equations.K_g)
+    factors = None if np.isnan(geometric).any() else load_factors(rigid.matrices(model.equations.K_s), geometric)
     return None if factors is None else Buckling(rigid.times, factors)

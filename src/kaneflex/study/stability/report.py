@@ -195,7 +195,7 @@ def _at(found: Stability, instant: int) -> str:
 
 def _of_buckling(found: Stability) -> str:
     if found.buckling is None:
-        return "no buckling load: the mechanism is not fully restrained"
+        return "no buckling load: the mechanism is not fully restrained, or axial forces are statically indeterminate"
     margin = found.buckling.margin
     if math.isinf(margin):
         return "no link is in compression"
