@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -65,6 +66,11 @@ def test_poles_are_the_modes_with_their_damping(damping):
     assert system.poles == pytest.approx(poles(omega, zeta), rel=1e-9)
     shown = [line.split()[-1] for line in poles_table(system).splitlines()]
     assert shown[1:] == [f"{ratio:.3%}" for ratio in zeta[: len(shown) - 1]] and len(shown) > 3
+
+
+def test_a_pole_at_zero_has_no_damping_ratio():
+    shown = poles_table(SimpleNamespace(poles=np.array([0.0, -1.0 + 0.0j]))).splitlines()[1:]
+    assert [line.split() for line in shown] == [["1", "0.000"], ["2", "0.159", "100.000%"]]
 
 
 def test_adams_damps_by_frequency():

@@ -232,10 +232,10 @@ def _nodal(model: Model, shapes: np.ndarray) -> tuple[list[str], np.ndarray]:
 def poles_table(system: StateSpace) -> str:
     """Slowest poles of a state space: frequency and damping ratio."""
     poles = system.poles[:_MOST_POLES]
-    damping = [round(-pole.real / abs(pole), 8) + 0.0 for pole in poles]  # without the sign of a rounded zero
     rows = [
-        (str(k + 1), f"{abs(pole) / (2 * math.pi):.3f}", f"{ratio:.3%}")
-        for k, (pole, ratio) in enumerate(zip(poles, damping, strict=True))
+        # + 0.0 removes the sign of a rounded zero
+        (str(k), f"{abs(pole) / (2 * math.pi):.3f}", f"{round(-pole.real / abs(pole), 8) + 0.0:.3%}" if pole else "")
+        for k, pole in enumerate(poles, start=1)
     ]
     return table(("pole", "Hz", "damping"), rows, left=0)
 
