@@ -13,8 +13,8 @@ from runs import STENCIL, gaps, model, run, solved
 from kaneflex import scene_of
 from kaneflex.mechanism.wrenches import Wrench
 from kaneflex.multibody.model.system import System
+from kaneflex.multibody.time.floating_motion import FloatingMotion
 from kaneflex.multibody.time.trajectory import by_themselves
-from kaneflex.response.coupled_motion import FloatingMotion
 from kaneflex.response.dalembert import Balance, balanced
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.sensors import Sensor

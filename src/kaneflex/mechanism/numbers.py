@@ -82,6 +82,11 @@ class Numbers:
         return tuple(name for name, drive in self.drives.items() if drive.kind == "free")
 
     @property
+    def free(self) -> tuple[str, ...]:
+        """Free joints and free bodies."""
+        return self.free_joints + self.floating
+
+    @property
     def prescribed(self) -> tuple[str, ...]:
         """Joints with a prescribed coordinate."""
         return tuple(name for name, drive in self.drives.items() if drive.kind != "free")

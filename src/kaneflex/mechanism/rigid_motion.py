@@ -32,6 +32,8 @@ class RigidKinematics:
 
     is_start = False
     """True before free joints are integrated: the motion is then known at its start only."""
+    is_determined = False
+    """True if drives alone determine the positions of a coupled mechanism's rigid bodies, without redundancy."""
     begin = 0.0
     """First instant of the run [s]."""
 

@@ -8,116 +8,23 @@ motion: displacements, so that sensors have the same meaning under every preset.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self, cast
+from typing import Any, cast
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import Rates, applied, turning
-from kaneflex.mechanism.parts import floating_coordinates
-from kaneflex.mechanism.planar import GROUND, BodyPoint, whole_turns, wrapped
+from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.planar import GROUND, whole_turns
 from kaneflex.mechanism.rigid_bodies import FIXED
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.multibody.model.system import System
-from kaneflex.multibody.time.sections import DeformingMotion, PlanarSection
+from kaneflex.multibody.time.floating_motion import FloatingMotion
+from kaneflex.multibody.time.sections import DeformingMotion
 from kaneflex.response.dalembert import Balanced, balanced
 from kaneflex.response.motion import Motion, Section
-
-
-@dataclass(frozen=True, eq=False)
-class FloatingMotion(DeformingMotion):
-    """Scalars of the floating frames, reactions and loads of a coupled motion.
-
-    Attributes
-    ----------
-    system : System
-    rigid : RigidMotion
-        Rigid mechanism at these instants, which knows the drives.
-    record : ndarray (n_times, kept)
-        Record of the instants, see :class:`kaneflex.multibody.dynamics.arrays.Instants`.
-    """
-
-    system: System
-    rigid: RigidMotion
-    record: np.ndarray
-
-    @classmethod
-    def of(cls, system: System, rigid: RigidMotion, record: np.ndarray) -> Self:
-        """Motion of a record."""
-        return cls(rigid.motion, rigid.times, np.zeros((len(rigid.times), 0)), system, rigid, record)
-
-    def recording(self, record: np.ndarray) -> Self:
-        return replace(self, record=record)
-
-    def taken(self, instants: np.ndarray) -> Self:
-        return self.of(self.system, self.rigid.taken(instants), self.record[instants])
-
-    # ---- scalars by name --------------------------------------------------------------------------------------
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        owner, _, key = name.rpartition(".")
-        if name in self.system.scalars:
-            return self.record[:, self.system.scalars[name].column]
-        if key in ("c", "s") and owner in self.mechanism.bodies:
-            return (np.cos if key == "c" else np.sin)(self[f"{owner}.phi"])
-        if key == "drive":  # of a free one
-            return np.zeros(len(self.times))
-        body, _, link = owner.rpartition(".")
-        if link == "link" and key in ("a_x", "a_y"):
-            specific_force = self.frame(body).acceleration((0.0, 0.0)) - np.array(self.mechanism.gravity)[:, None]
-            return self.frame(body).to_body(specific_force)["xy".index(key[-1])]
-        return self.rigid[name]
-
-    # ---- frames and sections ----------------------------------------------------------------------------------
-
-    def body(self, name: str) -> Rates:
-        """Position x, y [m] and angle phi [rad] of a body's frame with rates, (3, n_times) each."""
-        node, found = self.system.layout.node_of[name], self.instants
-        return found.r[:, node].T, found.twist[:, node].T, found.rate[:, node].T
-
-    def moving_place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
-        """Global position x, y [m] and section angle [rad] of a point, including deformation, with rates; (3, n_times)
-        each. A point beside the axis of an elastic link turns with the section."""
-        frame, side = self.section_frame(BodyPoint(body, "", at))
-        bent = frame.deformed.angle[0] if isinstance(frame, PlanarSection) else 0.0
-        angle = np.zeros(len(self.times)) if body == GROUND else self[f"{body}.phi"] + bent
-        moved = frame.place(side.at), frame.velocity(side.at), frame.acceleration(side.at)
-        turned = angle, frame.omega, frame.epsilon
-        return cast(Rates, tuple(np.vstack([part, own]) for part, own in zip(moved, turned, strict=True)))
-
-    def coordinate(self, joint: str) -> Rates:
-        """Coordinate of a joint between the deformed bodies [rad, or m along its guide] with its rates; or of a freely
-        moving body."""
-        body, _, part = joint.partition(".")
-        if part:
-            k = floating_coordinates(body).index(joint)
-            return cast(Rates, tuple(rate[k] for rate in self.body(body)))
-        of = self.mechanism.joints[joint]
-        if not of.slides:
-            first, second = (self.moving_place(side.body, side.at) for side in of.sides)
-            return cast(Rates, tuple(end[2] - start[2] for start, end in zip(first, second, strict=True)))
-        (base, one), (rider, other) = (self.section_frame(side) for side in of.sides)
-        return cast(Rates, tuple(np.array(of.direction) @ part for part in base.apart(one.at, rider, other.at)))
-
-    def courses(self, joints: Iterable[str]) -> np.ndarray:
-        """Coordinates of joints, and their rates, (3, n_times, joints), see :meth:`coordinate`."""
-        found = [np.array(self.coordinate(name)) for name in joints]
-        return np.stack(found, axis=-1) if found else np.zeros((3, len(self.times), 0))
-
-    def clearance(self, name: str) -> np.ndarray:
-        """Position of a pin or block in its joint, see :meth:`kaneflex.response.motion.Motion.clearance`."""
-        loose, point = self.mechanism.loose[name], self.mechanism.point
-        first, second = (self.moving_place(side.body, point(side))[0] for side in loose.sides)
-        x, y, angle = second - first
-        if loose.direction is None:
-            return np.array([x, y, angle])
-        along = applied(turning(first[2]), loose.direction)
-        tilt = wrapped(angle)  # bodies may start full turns apart
-        return np.array([along[0] * x + along[1] * y, along[0] * y - along[1] * x, tilt])
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,13 +45,12 @@ class CoupledMotion(Motion):
         """True if rigid forces exist: not if free joints follow the deformation, as the rigid mechanism would then
         vibrate with them."""
         scene = self.model.scene
-        return bool(self.moving.shapes) and self.model.module.determined and not (scene.contacts or scene.frictions)
+        return bool(self.moving.shapes) and self.model.motion.is_determined and not (scene.contacts or scene.frictions)
 
     @cached_property
     def rigid_forces(self) -> RigidMotion:
-        motion = cast(Any, self.model.motion)
-        system, record = motion.module.system, motion.curve.record(self.times)
-        return FloatingMotion.of(system, self.rigid, record)
+        rigid = cast(FloatingMotion, self.rigid)
+        return FloatingMotion.of(rigid.system, rigid, rigid.record)
 
     @property
     def scalars(self) -> Any:
@@ -214,7 +120,8 @@ class CoupledMotion(Motion):
     @cached_property
     def _turns_left_out(self) -> Mapping[str, float]:
         """Body -> initial full turns [rad] that sensors leave out, to start within half a turn of zero."""
-        angles = {name: float(pose[2]) for name, pose in self.model.module.start.poses.items()}
+        poses = cast(Any, self.model.motion).start.poses
+        angles = {name: float(pose[2]) for name, pose in poses.items()}
         return {name: float(whole_turns(each - math.atan2(math.sin(each), math.cos(each))))
                 for name, each in angles.items()}  # fmt: skip
 

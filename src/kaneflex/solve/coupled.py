@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -16,17 +16,18 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import reference_instant
+from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.initial_state import choose_for_all
 from kaneflex.multibody.model.state import Choice, State
 from kaneflex.multibody.model.system import BODY
+from kaneflex.multibody.time.floating_motion import FloatingMotion
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.linearisation import Equations, prepare
 from kaneflex.multibody.time.rigid_reference import ReferenceKinematics, check_turns_kept, unwrapped
 from kaneflex.multibody.time.run import Method, Run, integrate
 from kaneflex.multibody.time.shooting import Cycles
-from kaneflex.multibody.time.spatial_motion import SpatialKinematics, SpatialModule
+from kaneflex.multibody.time.spatial_motion import SpatialKinematics
 from kaneflex.multibody.time.trajectory import CoupledTrajectory
-from kaneflex.response.coupled_motion import FloatingMotion
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.initial import SavedState, closed_state, given_start, state_after, written_state
 from kaneflex.solve.quasistatic import slow_state
@@ -104,7 +105,7 @@ def motion_along_run(model: Model, run: Run) -> SpatialKinematics:
     """Motion of a mechanism in space along its run, with the checks that need it."""
     from kaneflex.solve.engine_loading import with_open_reactions
 
-    module, coupled = SpatialModule(run.system), model.coupled_in_space
+    module, coupled = ComputedModule(run.system), model.coupled_in_space
     motion = SpatialKinematics(module, run.system.parameters, run) if coupled is None else coupled.along(run)
     reached = model.options._replace(duration=float(run.state[0]) - run.start.t)
     if module.FREE:
@@ -161,7 +162,7 @@ def _given(model: Model, start: State) -> State:
     assert system is not None
     laid, engine = written_state(tables, system, start), system.engine
     before, _ = system.frames(laid)
-    q = unwrapped(system, before, model.module.start.drives, system.start)
+    q = unwrapped(system, before, cast(Any, model.motion).start.drives, system.start)
     laws = [law for law in map(model.scene.law, model.scene.loads) if law is not None]
     check_turns_kept(system, laws, before, q)
     frames = np.array([before, q])[:, [k + j for k in system.start.values() for j in range(BODY)]]
@@ -185,11 +186,7 @@ def result_of(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Ru
         return RunResult(model, trajectory, seconds)
     assert isinstance(rigid, ReferenceKinematics)
     moving = FloatingMotion.of(system, rigid.at(trajectory.times), trajectory.record)
-    frames = [k + j for k in system.start.values() for j in range(BODY)]
-    q, v, given = trajectory.q[:, frames], trajectory.v[:, frames], moving.courses(rigid.module.FREE)
-    free = rigid.module.beside(trajectory.times, q, v, given) if rigid.module.FREE else rigid.free
-    run = None if system.engine.shapes.any() else trajectory
-    return RunResult(replace(model, motion=replace(rigid, free=free, run=run)), trajectory, seconds)
+    return RunResult(replace(model, motion=rigid.along(moving)), trajectory, seconds)
 
 
 def mechanism_size(model: Model) -> float:

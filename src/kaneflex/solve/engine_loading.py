@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from kaneflex.mechanism.tight_start import as_it_starts
 from kaneflex.multibody.model.assembly import bound_system, build_system, rigid_system
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, reference_instant
+from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.determinacy import check_bearings, check_freedoms, check_sensors, undetermined
 from kaneflex.multibody.model.initial_state import choose, start_of
 from kaneflex.multibody.model.module_loading import bind_parameters
@@ -33,13 +34,7 @@ from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.curves import Followed, Standing
 from kaneflex.multibody.time.rigid_reference import ReferenceKinematics, rigid_reference
-from kaneflex.multibody.time.spatial_motion import (
-    CoupledKinematics,
-    SpatialKinematics,
-    SpatialModule,
-    SpatialMotion,
-    before_run,
-)  # fmt: skip
+from kaneflex.multibody.time.spatial_motion import CoupledKinematics, SpatialKinematics, SpatialMotion, before_run
 from kaneflex.multibody.time.spring_displacements import overturned
 from kaneflex.scene import Scene
 from kaneflex.scene.bodies import Body
@@ -94,9 +89,9 @@ def _in_the_plane(
     if spare:
         check_held_twice(mechanism, placement, spare)
     coupled, derived = _system(scene, options, progress)
-    motion = rigid_reference(coupled, placement)
-    compiled = compiled_by(progress, coupled.engine.compile, motion.module.engine.compile)
+    compiled = compiled_by(progress, coupled.engine.compile)
     check_freedoms(coupled, placement)
+    motion = rigid_reference(coupled, placement)  # with the same library
     check_reference(motion, options)
     bound = Model(scene, options, motion)
     check_laws(bound)
@@ -116,7 +111,7 @@ def _system(scene: Scene, options: Options, progress: Progress) -> tuple[System,
         check_memory(mechanism_of(scene), options, len(scene.drives) + len(scene.loads) + 10 * len(scene.bodies))
         return build_system(scene, progress, int(options.modes), options.elements)
     found = build_system(scene, progress)
-    check_memory(mechanism_of(scene), options, len(SpatialModule(found[0]).SCALARS))
+    check_memory(mechanism_of(scene), options, len(ComputedModule(found[0]).SCALARS))
     return found
 
 
@@ -159,11 +154,11 @@ def _all_modes(mechanism: NumericMechanism, solve: Solve) -> list[str]:
 
 def check_reference(motion: ReferenceKinematics, options: Options) -> None:
     """Check that prescribed drives can move the rigid mechanism through their range, as far as it is known."""
-    reference, mechanism = motion.module, motion.module.system.mechanism
-    rigid = motion.at(np.zeros(1) if reference.FREE else np.linspace(0.0, options.duration, SWEEP + 1))
-    if not np.isfinite(rigid.values).all() and np.isfinite(rigid.known).all():
+    reference, mechanism, of = motion.module, motion.module.system.mechanism, motion.module.system.record
+    rigid: Any = motion.at(np.zeros(1) if reference.FREE else np.linspace(0.0, options.duration, SWEEP + 1))
+    if not np.isfinite(rigid.record[:, [*of.q, *of.v, *of.a]]).all() and np.isfinite([*rigid.known.values()]).all():
         raise SceneError(
-            "joints", ", ".join(dict.fromkeys(reference.engine.layout.cuts)),
+            "joints", ", ".join(dict.fromkeys(reference.system.layout.cuts)),
             f"the loop cannot close at {drive_positions(mechanism, rigid)}, or is in a singular position there",
             "Change the lengths, or limit the drive's range",
         )  # fmt: skip
@@ -198,7 +193,7 @@ def neighbour_of(model: Model, scene: Scene, options: Options, alike: bool, froz
     system = bound_system(mechanism, own.module, p, *modes, options.elements, like, frozen)
     if scene.is_spatial:
         return _coupled_model(scene, options, _bound(system, scene, options))
-    start = place(mechanism) if alike else model.motion.module.start
+    start = place(mechanism) if alike else cast(Any, model.motion).start
     without_linear = model.without_linear or not alike
     found = build_model(scene, options, rigid_reference(system, start), fixed, without_linear=without_linear)
     return replace(found, coupled=replace(system, undetermined=own.undetermined))
@@ -206,7 +201,7 @@ def neighbour_of(model: Model, scene: Scene, options: Options, alike: bool, froz
 
 def _bound(system: System, scene: Scene, options: Options) -> SpatialKinematics:
     """Motion of a system before a run: as the drives prescribe it, else its start."""
-    module, start = SpatialModule(system), start_of(system)
+    module, start = ComputedModule(system), start_of(system)
     check_bearings(system, start)
     if options.dynamics == "coupled":
         first = _given_state(system, given_start(scene.solve), start) if options.start == "given" else start
@@ -233,10 +228,10 @@ def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tupl
     """Mechanism in space, its initial state, and its motion at that instant."""
     system, _ = build_system(scene, progress)
     start = start_of(system)
-    return system, start, _kinematics_at_rest(SpatialModule(system), start).at(0.0)
+    return system, start, _kinematics_at_rest(ComputedModule(system), start).at(0.0)
 
 
-def _kinematics_at_rest(module: SpatialModule, start: State) -> SpatialKinematics:
+def _kinematics_at_rest(module: ComputedModule, start: State) -> SpatialKinematics:
     """Kinematics of a mechanism in space that stays in its initial state."""
     system = module.system
     return SpatialKinematics(module, system.parameters, Standing(system, start))

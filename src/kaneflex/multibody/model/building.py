@@ -102,7 +102,7 @@ def moving(model: Model, motion: RigidKinematics, energy: Energy) -> Model:
 def _links(model: Model) -> Mapping[str, Link]:
     """Elastic links of a planar mechanism; under preset coupled those of its equations."""
     mechanism = mechanism_of(model.scene)
-    return getattr(model.module, "links", None) or {
+    return getattr(model.motion, "links", None) or {
         name: make_link(mechanism, name, model.options.elements or body.beam.elements, model.module)
         for name, body in mechanism.deforming.items()
         if body.elastic

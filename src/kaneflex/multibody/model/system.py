@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType, ModuleType
-from typing import Any, ClassVar, NamedTuple
+from types import ModuleType
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -362,19 +362,3 @@ def has_slopes(mechanism: Any, in_laws: Sequence[str]) -> bool:
     """True if springs, or loads by the motion of joints in laws, add to the matrix of a step in space."""
     sloped = any(mechanism.joints[name].kind in ("revolute", "prismatic") for name in in_laws)
     return bool(mechanism.springs or (mechanism.loads and sloped))
-
-
-class ComputedModule:
-    """Counterpart of a generated module for a system whose motion the engine computes: other attributes are those of
-    the generated module of the system's laws."""
-
-    system: Any
-    CONSTANTS: Mapping[str, float] = MappingProxyType({})
-    LOOPS: ClassVar[tuple] = ()
-    TERMS: ClassVar[tuple] = ()
-    LINKS: ClassVar[tuple] = ()
-
-    def __getattr__(self, name: str) -> object:
-        if name.startswith("_") and name not in ("__name__", "__file__"):
-            raise AttributeError(name)
-        return getattr(self.system.module, name)

@@ -8,7 +8,7 @@ the coupled mechanism: the loops then place the bodies.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -19,19 +19,17 @@ from kaneflex.fem.links import Link
 from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidMotion
-from kaneflex.multibody.engine import Engine
+from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model.assembly import rigid_system
+from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.state import NONE, State
-from kaneflex.multibody.model.system import BODY, ComputedModule, System
+from kaneflex.multibody.model.system import BODY, System
 from kaneflex.multibody.time.curves import Ahead, Beside, Curve, Followed
-from kaneflex.multibody.time.trajectory import CoupledTrajectory, Pieces
+from kaneflex.multibody.time.floating_motion import FloatingMotion
+from kaneflex.multibody.time.trajectory import Pieces
 from kaneflex.scene.laws import Law
 from kaneflex.support.errors import SceneError
-
-_SCALARS = ("x", "y", "c", "s", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
-_UNITS = ("m", "m", "1", "1", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")
 
 
 class Courses(NamedTuple):
@@ -58,156 +56,104 @@ class Courses(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class RigidReference(ComputedModule):
-    """Rigid mechanism by names of its tabulated scalars.
-
-    Attributes
-    ----------
-    system : System
-        Of the rigid bodies.
-    start : Placement
-        Initial position.
-    first : Courses
-        All coordinates and speeds there; of dependent ones near values.
-    links : mapping of str to Link
-        Elastic links of the coupled mechanism.
-    """
-
-    system: System
-    start: Placement
-    first: Courses
-    links: Mapping[str, Link]
-
-    @property
-    def engine(self) -> Engine:
-        return self.system.engine
-
-    @property
-    def FREE(self) -> tuple[str, ...]:
-        """Free joints, then the coordinates of free bodies."""
-        return self.system.mechanism.free
-
-    @cached_property
-    def SCALARS(self) -> tuple[tuple[str, str, str], ...]:
-        """Name, unit and meaning of the tabulated scalars."""
-        mechanism = self.system.mechanism
-        found = [(f"{name}.angle", "m" if mechanism.joints[name].slides else "rad", "coordinate of the drive")
-                 for name in mechanism.drives]  # fmt: skip
-        found += [(name, load.unit, "magnitude of the load") for name, load in mechanism.loads.items()]
-        found += [(f"{body}.{name}", unit, "of the body's start") for body in self.system.start
-                  for name, unit in zip(_SCALARS, _UNITS, strict=True)]  # fmt: skip
-        return tuple(found)
-
-    @cached_property
-    def determined(self) -> bool:
-        """True if the drives alone determine the positions of the bodies, without redundant constraints."""
-        choice = self.begin.choice
-        given = self.FREE or len(choice.independent)
-        return not given and len(choice.rows) == self.engine.count(at.JOINT_ROWS)
-
-    @cached_property
-    def begin(self) -> State:
-        """State near that of the start, with free joints and bodies independent."""
-        t, q, u, du = (part[0] for part in self.first)
-        state = State(t, q, u, du, self.engine.sizes.copy(), NONE)
-        return replace(state, choice=self.engine.chosen_at(state, [*self.system.free.values()]))
-
-    @cached_property
-    def followed(self) -> Followed:
-        """Curve of a mechanism whose drives determine its position."""
-        return Followed(self.system, self.begin)
-
-    def known(self, times: np.ndarray, free: Courses) -> np.ndarray:
-        """The first columns of SCALARS, which are known before the bodies are placed.
-
-        Joints in laws without a drive count as at zero.
-        """
-        mechanism, driven = self.system.mechanism, self.engine.layout.driven
-        courses = self.engine.courses(times).reshape(len(times), len(driven), 3).swapaxes(0, 1)
-        of = dict(zip(driven, courses, strict=True))
-        if mechanism.free_joints:
-            moved = free.at(times).transpose(2, 1, 0)
-            of |= {name: moved[self.system.free[name]] for name in mechanism.free_joints}
-        joints = np.zeros((len(times), len(of) + len(mechanism.observed), 3))
-        for k, name in enumerate(mechanism.drives):
-            joints[:, k] = of[name]
-        return np.concatenate([joints[:, : len(of), 0], self.engine.magnitudes(times, joints)], axis=1)
-
-    def beside(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, given: np.ndarray) -> Courses:
-        """Courses of all coordinates beside a motion with frames x, y, phi at ``times`` [s], and their rates, (n_times,
-        3 bodies); FREE coordinates are ``given`` with their rates, (3, n_times, FREE)."""
-        found = np.stack([*self.system.coordinates_of(q, v), np.zeros((len(times), self.engine.size))])
-        for k, name in enumerate(self.FREE):
-            found[:, :, self.system.free[name]] = given[:, :, k]
-        return Courses(times, *found)
-
-
-@dataclass(frozen=True, eq=False)
 class ReferenceKinematics(RigidKinematics):
     """Motion of a rigid reference, whose bodies are placed on request.
 
-    ``free``: courses of its coordinates with free joints or bodies; ``run``: motion of all bodies at instants, if it is
-    known.
+    Attributes
+    ----------
+    curve : Curve
+    start : Placement
+        Initial position.
+    links : mapping of str to Link
+        Elastic links of the coupled mechanism.
+    run : FloatingMotion or None
+        Motion of all bodies at instants, if it is known.
     """
 
-    module: RigidReference  # type: ignore[assignment]
-    free: Courses
-    run: CoupledTrajectory | None = None
+    module: ComputedModule  # type: ignore[assignment]
+    curve: Curve
+    start: Placement
+    links: Mapping[str, Link]
+    run: FloatingMotion | None = None
 
-    def at(self, times: np.ndarray | float) -> RigidMotion:
-        return _Placed(self, np.atleast_1d(np.asarray(times, dtype=float)))
+    @property
+    def is_determined(self) -> bool:  # type: ignore[override]
+        engine, choice = self.module.system.engine, self.curve.start.choice
+        given = self.module.FREE or len(choice.independent)
+        return not given and len(choice.rows) == engine.count(at.JOINT_ROWS)
 
-    @cached_property
-    def curve(self) -> Curve:
-        """Curve of the bodies."""
-        module = self.module
-        if not module.FREE:
-            return module.followed
-        return (Ahead if self.free is module.first else Beside)(module.system, module.begin, self.free.at)
+    def at(self, times: np.ndarray | float) -> FloatingMotion:
+        run, times = self.run, np.atleast_1d(np.asarray(times, dtype=float))
+        place = np.zeros(0, int) if run is None else np.minimum(np.searchsorted(run.times, times), len(run.times) - 1)
+        if run is not None and (run.times[place] == times).all():
+            return run.taken(place)
+        return _Placed(self, times)
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        """All scalars at ``times`` [s]; of bodies that the loops can't place they are not finite."""
+        found = self.at(times)
+        return np.column_stack([found[name] for name in self.column])
+
+    def along(self, moving: FloatingMotion) -> ReferenceKinematics:
+        """The same beside a coupled motion, with its coordinates of free joints and bodies."""
+        module, curve = self.module, self.curve
+        if module.FREE:
+            frames = zip(*map(moving.body, module.system.mechanism.bodies), strict=True)
+            poses, rates, _ = (np.concatenate(parts).T for parts in frames)
+            beside = _courses(module.system, moving.times, poses, rates, [*map(moving.coordinate, module.FREE)])
+            curve = Beside(module.system, curve.start, beside.at)
+        found = replace(self, curve=curve, run=None)
+        if not moving.shapes:
+            found = replace(found, run=FloatingMotion.of(moving.system, found.at(moving.times), moving.record))
+        return found
 
     def states(self, system: System, times: np.ndarray) -> list[State]:
         """States of a coupled system with undeformed bodies at ``times`` [s], with the full turns since the start."""
         found, of = self.curve.record(times), self.module.system.record
         return system.undeformed(times, found[:, of.q], found[:, of.v])
 
-    def table(self, times: np.ndarray) -> np.ndarray:
-        """All scalars at ``times`` [s]; of bodies that the loops can't place they are not finite."""
-        times, of, run = np.asarray(times, dtype=float), self.module.system.record, self.run
-        place = np.zeros(0, int) if run is None else np.minimum(np.searchsorted(run.times, times), len(run.times) - 1)
-        if run is not None and (run.times[place] == times).all():
-            found = run.q[place], run.v[place], run.a[place]
-        else:
-            record = self.curve.record(times)
-            found = record[:, of.q], record[:, of.v], record[:, of.a]
-        count = len(self.module.system.start)
-        q, v, a = (part.reshape(len(times), count, BODY) for part in found)
-        turn = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], axis=-1)
-        bodies = np.concatenate([q[..., :2], turn, v, a], axis=-1).reshape(len(times), len(_SCALARS) * count)
-        return np.concatenate([self.module.known(times, self.free), bodies], axis=1)
 
-
-class _Placed(LaterMotion):
+class _Placed(LaterMotion, FloatingMotion):
     """Motion at some times, whose bodies are placed when they are asked for."""
 
     motion: Any
 
     def __getitem__(self, name: str) -> np.ndarray:
         owner, _, key = name.rpartition(".")
-        if owner in self.motion.module.system.mechanism.springs:
+        if owner in self.mechanism.springs and key in ("c", "s"):
             return self._direction(owner)["cs".index(key)]
-        column = self.motion.column[name]
-        return (self.known if column < self.known.shape[1] else self.values)[:, column]
+        return self.known[name] if name in self.known else super().__getitem__(name)
 
     def _direction(self, spring: str) -> np.ndarray:
         """Cosine and sine of a spring's direction."""
-        sides = self.motion.module.system.mechanism.springs[spring].sides
-        start, end = (self.frame(side.body).place(side.at) for side in sides)
+        start, end = (self.frame(side.body).place(side.at) for side in self.mechanism.springs[spring].sides)
         return (end - start) / np.hypot(*(end - start))
 
+    @property
+    def system(self) -> System:  # type: ignore[override]
+        return self.motion.module.system
+
     @cached_property
-    def known(self) -> np.ndarray:
-        """Scalars that are known before the bodies are placed."""
-        return self.motion.module.known(self.times, self.motion.free)
+    def record(self) -> np.ndarray:  # type: ignore[override]
+        return self.motion.curve.record(self.times)
+
+    @cached_property
+    def known(self) -> dict[str, np.ndarray]:
+        """Scalars that are known before the bodies are placed: of drives and loads.
+
+        Joints in laws without a drive count as at zero.
+        """
+        mechanism, engine, times = self.mechanism, self.system.engine, self.times
+        courses = engine.courses(times).reshape(len(times), len(engine.layout.driven), 3).swapaxes(0, 1)
+        of = dict(zip(engine.layout.driven, courses, strict=True))
+        if mechanism.free_joints:
+            moved = np.asarray(self.motion.curve.near(times)).transpose(2, 1, 0)
+            of |= {name: moved[self.system.free[name]] for name in mechanism.free_joints}
+        joints = np.zeros((len(times), len(of) + len(mechanism.observed), 3))
+        for k, name in enumerate(mechanism.drives):
+            joints[:, k] = of[name]
+        sizes = dict(zip(mechanism.loads, engine.magnitudes(times, joints).T, strict=True))
+        return {f"{name}.angle": joints[:, k, 0] for k, name in enumerate(mechanism.drives)} | sizes
 
 
 def rigid_reference(system: System, start: Placement) -> ReferenceKinematics:
@@ -218,7 +164,7 @@ def rigid_reference(system: System, start: Placement) -> ReferenceKinematics:
     undeformed = rigid_system(alone, system.module, system.parameters)
     # one library for both: compiling another takes as long again
     undeformed = replace(undeformed, engine=replace(undeformed.engine, kind=system.engine.kind))
-    frames = np.array([start.poses[body] for body in mechanism.bodies])
+    engine, frames = undeformed.engine, np.array([start.poses[body] for body in mechanism.bodies])
     frames[:, 2] = np.arctan2(np.sin(frames[:, 2]), np.cos(frames[:, 2]))
     frames = unwrapped(undeformed, frames.ravel(), start.drives)
     poses = dict(zip(mechanism.bodies, frames.reshape(-1, BODY), strict=True))
@@ -226,11 +172,24 @@ def rigid_reference(system: System, start: Placement) -> ReferenceKinematics:
     for body, free in mechanism.frees.items():
         moves = zip(poses[body], free.rates, np.zeros(BODY), strict=True)
         places |= dict(zip(floating_coordinates(body), moves, strict=True))
-    none = Courses(*(np.zeros((1, undeformed.engine.size)) for _ in Courses._fields))
-    reference = RigidReference(undeformed, replace(start, poses=poses), none, system.links)
-    given = np.array([places[name] for name in mechanism.free], float).reshape(-1, 3).T[:, None]
-    first = reference.beside(np.zeros(1), frames[None], 0.0 * frames[None], given)
-    return ReferenceKinematics(replace(reference, first=first), undeformed.engine.p, first)
+    given = [np.array(places[name], float)[:, None] for name in mechanism.free]
+    first = _courses(undeformed, np.zeros(1), frames[None], 0.0 * frames[None], given)
+    state = State(0.0, first.q[0], first.u[0], first.du[0], engine.sizes.copy(), NONE)
+    state = replace(state, choice=engine.chosen_at(state, [*undeformed.free.values()]))
+    curve = Ahead(undeformed, state, first.at) if mechanism.free else Followed(undeformed, state)
+    start = replace(start, poses=poses)
+    return ReferenceKinematics(ComputedModule(undeformed), engine.p, curve, start, system.links)
+
+
+def _courses(
+    system: System, times: np.ndarray, poses: np.ndarray, rates: np.ndarray, free: Sequence[Any]
+) -> Courses:
+    """Courses of all coordinates beside a motion with frames x, y, phi at ``times`` [s], and their rates, (n_times, 3
+    bodies); ``free``: free coordinates with their rates, (3, n_times) each."""
+    found = np.stack([*system.coordinates_of(poses, rates), np.zeros((len(times), system.engine.size))])
+    for name, own in zip(system.mechanism.free, free, strict=True):
+        found[:, :, system.free[name]] = own
+    return Courses(times, *found)
 
 
 def unwrapped(

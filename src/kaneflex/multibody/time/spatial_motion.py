@@ -4,10 +4,10 @@ its rigid reference."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -16,9 +16,10 @@ from kaneflex.mechanism.rigid_motion import LaterMotion, RigidKinematics, RigidM
 from kaneflex.mechanism.spatial import Side, SpatialJoint
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.model.assembly import rigid_system
+from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.initial_state import choose, least_singular_values, start_of
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.system import ComputedModule, System
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE
 from kaneflex.multibody.time.curves import Beside, Curve, Followed, Standing
 from kaneflex.multibody.time.sections import DeformingMotion
@@ -32,67 +33,10 @@ _AT_ONCE = 1024
 
 
 @dataclass(frozen=True, eq=False)
-class SpatialModule(ComputedModule):
-    """Mechanism in space by names of its tabulated scalars.
-
-    Attributes
-    ----------
-    system : System
-    open_reactions : frozenset of str
-        Statically indeterminate reactions, which are NaN.
-    more : tuple
-        Name, unit and meaning of further scalars for elastic bodies.
-    CONSTANTS : mapping of str to float
-        Those of them that are zero by structure.
-    """
-
-    system: System
-    open_reactions: frozenset[str] = frozenset()
-    more: tuple[tuple[str, str, str], ...] = ()
-    CONSTANTS: Mapping[str, float] = field(default_factory=dict)
-    determined: ClassVar[bool] = False
-    """In the plane: whether runs of deforming bodies also have forces of the rigid mechanism."""
-
-    @cached_property
-    def FREE(self) -> tuple[str, ...]:
-        """Free joints and free bodies."""
-        return (*self.system.mechanism.free_joints, *self.system.mechanism.floating)
-
-    @cached_property
-    def SCALARS(self) -> tuple[tuple[str, str, str], ...]:
-        """Name, unit and meaning of the tabulated scalars."""
-        slides = [self.system.mechanism.joints[name].kind == "prismatic" for name in self.coordinates]
-        found = [(f"{name}.angle", "m" if slide else "rad", "coordinate of the joint")
-                 for name, slide in zip(self.coordinates, slides, strict=True)]  # fmt: skip
-        found += [(name, each.unit, each.meaning) for name, each in self.system.scalars.items()]
-        return (*found, *self.more)
-
-    @cached_property
-    def coordinates(self) -> tuple[str, ...]:
-        """Joints with tabulated coordinates: those of the tree with one coordinate, driven, free and observed ones.
-
-        With several freedoms it is the first, of a cylindrical joint its rotation; of a ball the angle of its rotation,
-        from 0 to pi.
-        """
-        mechanism, tree = self.system.mechanism, self.system.layout.tree
-        known = {*mechanism.drives, *mechanism.read}
-        return tuple(
-            name
-            for name, joint in mechanism.joints.items()
-            if (joint.freedoms == 1 and name in tree) or (name in known and joint.freedoms)
-        )
-
-    @cached_property
-    def closing(self) -> tuple[str, ...]:
-        """Joints whose coordinates follow from the bodies: those that close loops."""
-        return tuple(name for name in self.coordinates if name in self.system.layout.cuts)
-
-
-@dataclass(frozen=True, eq=False)
 class SpatialKinematics(RigidKinematics):
     """Rigid motion of a mechanism in space; ``curve`` gives its states."""
 
-    module: SpatialModule  # type: ignore[assignment]
+    module: ComputedModule  # type: ignore[assignment]
     parameters: np.ndarray
     curve: Curve
 
@@ -134,7 +78,7 @@ class SpatialKinematics(RigidKinematics):
 
     def _close(self, motion: SpatialMotion) -> None:
         """Fill in coordinates of joints that close loops, with turns counted from the start."""
-        for name in self.module.closing:
+        for name in self._closing:
             if name not in self._turning:
                 motion.values[:, self.column[f"{name}.angle"]] = self._closed_coordinate(name, motion)[0]
         if self._turning:
@@ -151,10 +95,15 @@ class SpatialKinematics(RigidKinematics):
         return found
 
     @cached_property
+    def _closing(self) -> list[str]:
+        """Joints whose coordinates follow from the bodies: those that close loops."""
+        return [name for name in self.module.coordinates if name in self.module.system.layout.cuts]
+
+    @cached_property
     def _turning(self) -> list[str]:
         """Joints that close loops and have turns to count."""
         joints = self.module.system.mechanism.joints
-        return [name for name in self.module.closing if joints[name].kind not in ("prismatic", "spherical")]
+        return [name for name in self._closing if joints[name].kind not in ("prismatic", "spherical")]
 
     def _angles(self, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
         """Angles of these, from -pi to pi, and their rates, (n_times, n)."""
@@ -195,7 +144,7 @@ class SpatialKinematics(RigidKinematics):
 
     def _coordinate(self, joint: str, q: np.ndarray) -> np.ndarray:
         system = self.module.system
-        if joint in self.module.closing:
+        if joint in self._closing:
             return np.zeros(len(q))  # known when the bodies' rows are
         first = int(system.columns([joint], COORDINATE)[0])
         if system.mechanism.joints[joint].kind == "spherical":
@@ -271,12 +220,12 @@ class CoupledKinematics(SpatialKinematics):
         return system.project(found.t, q, u, choose(system, q, prefer=True))
 
 
-def before_run(module: SpatialModule, start: State, first: State) -> CoupledKinematics:
+def before_run(module: ComputedModule, start: State, first: State) -> CoupledKinematics:
     """Motion of a coupled system as far as it is known before a run, from its undeformed ``start`` and its ``first``
     state."""
     system, p = module.system, module.system.parameters
     alone = rigid_system(system.mechanism, system.module, p, coupled=True)
-    rigid = SpatialKinematics(SpatialModule(alone), p, Followed(alone, start_of(alone)))
+    rigid = SpatialKinematics(ComputedModule(alone), p, Followed(alone, start_of(alone)))
     if not module.FREE:
         return CoupledKinematics(module, p, Followed(system, start), first, rigid)
     found = CoupledKinematics(module, p, Standing(system, first), first, rigid)
