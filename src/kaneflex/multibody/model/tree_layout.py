@@ -22,21 +22,38 @@ from kaneflex.mechanism.spatial import Side
 FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
 FREE = BALL
 """In the plane a node with three freedoms moves along x and y and turns; there are no balls."""
-KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT, ROW_OF, OWNER, AXED = range(10)
-"""Columns of ``nodes``; OWNER: number in ``bodies`` of a node's body; BODY: where the numbers of a body that has mass
-begin in ``block``, else -1. COUNT: shapes of a body that deforms, whose coordinates and speeds begin at COORDINATE and
-SPEED; AT: where the numbers of a station begin in ``block``, in space N and psi, (3, COUNT) each, then of G the number
-of its columns (3,) that are not zero, and each with its two shapes before it, i >= j; of a node of shapes those of its
-joint's section, from which they move the axes back, -1 if they don't; ROW_OF: first row in ``phi`` of a node that
-shapes move, else -1. AXED: in the plane 1 if a point away from its origin or a direction has its axes, else these
-are not computed."""
-AXES_NODE, HUNG_ON, TWIST_NODE, JOINT_NODE, SIGN = range(5)
-"""Columns of ``frames``: node of a body's axes; the one that it hangs on, or -1; the one whose twist is the body's for
-:mod:`kaneflex.multibody.dynamics.articulated`, the last of its joint where shapes turn the axes back from it; the first
-of its joint; -1 where the tree passes through the joint from its second body to its first, else 1."""
-LAST_NODE, SIDE, CARRIER, FIRST_ROW, LAST_ROW = range(5)
-"""Columns of ``joints``: last node of its chain, or -1 outside the tree; -1 if the tree passes from its second body to
-its first, else 1; node of its second point, or -1 on the ground; its rows among those of the cuts."""
+(
+    # Kind, parent, first coordinate and first speed.
+    KIND, PARENT, COORDINATE, SPEED,
+    # Where the numbers of a body that has mass begin in ``block``, else -1; number of shapes of a body that deforms.
+    BODY, COUNT,
+    # Where the numbers of a station begin in ``block``: in space N and psi, (3, COUNT) each, then of G the number of
+    # its columns (3,) that are not zero, and each with its two shapes before it, i >= j. Of a node of shapes those of
+    # its joint's section, from which they move the axes back, -1 if they don't.
+    AT,
+    # First row in ``phi`` of a node that shapes move, else -1; number in ``bodies`` of a node's body.
+    ROW_OF, OWNER,
+    # In the plane 1 if a point away from its origin or a direction has its axes, else these are not computed.
+    AXED,
+) = range(10)  # fmt: skip
+"""Columns of ``nodes``."""
+(
+    # Node of a body's axes, and the one that it hangs on, or -1.
+    AXES_NODE, HUNG_ON,
+    # Node whose twist is the body's for :mod:`kaneflex.multibody.dynamics.articulated`: the last of its joint where
+    # shapes turn the axes back from it.
+    TWIST_NODE,
+    # First node of its joint; -1 where the tree passes through the joint from its second body to its first, else 1.
+    JOINT_NODE, SIGN,
+) = range(5)  # fmt: skip
+"""Columns of ``frames``."""
+(
+    # Last node of its chain, or -1 outside the tree; -1 if the tree passes from its second body to its first, else 1.
+    LAST_NODE, SIDE,
+    # Node of its second point, or -1 on the ground; its rows among those of the cuts.
+    CARRIER, FIRST_ROW, LAST_ROW,
+) = range(5)  # fmt: skip
+"""Columns of ``joints``."""
 PLACE, AXIS, SHIFT = slice(-9, -6), slice(-6, -3), slice(-3, None)
 """Columns of ``numbers``: joint's point in the parent's axes, in the plane with the angle there; axis; the joint's
 point in its own axes. In space the axes at zero in the parent's, (3, 3), precede them."""
