@@ -1,5 +1,6 @@
 """Periodic motion and Floquet multipliers, and how a run says that it could not go on."""
 
+import pickle
 import subprocess
 import sys
 from dataclasses import replace
@@ -128,6 +129,7 @@ def test_coordinates_at_rest_beside_others_change_nothing(method, start):
         np.testing.assert_allclose(own[:, moving], expected, rtol=0, atol=1e-12 * abs(expected).max())
         assert not own[:, ~moving].any()
     assert (found.outcome, found.message) == (run.outcome, run.message)
+    found = pickle.loads(pickle.dumps(found))
     if start == "periodic":
         rest = np.roots([1.0, 1.5, 0.3]) * CYCLE
         expected = sorted([*abs(run.multipliers), *np.exp(rest), *np.exp(rest)], reverse=True)

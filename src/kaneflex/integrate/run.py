@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -52,15 +53,18 @@ def integrate(run: Run, progress: Progress | None = None) -> Trajectory:
     start = run.start if isinstance(run.start, str) else (z, v)
     parts.append(_by_method(replace(run, system=run.system.part(moving), start=start), progress))
 
-    def floquet() -> np.ndarray | None:
-        known = [each.multipliers for each in parts if each.multipliers is not None]
-        return leading(np.concatenate(known), run.system.n) if len(known) == len(parts) else None
-
     found = parts[-1]
     whole = np.zeros((3, len(found.times), run.system.n))
     whole[:, :, moving] = found.z, found.v, found.a
     z, v, a = whole
-    return replace(found, z=z, v=v, a=a, floquet=floquet)
+    return replace(found, z=z, v=v, a=a, floquet=partial(_multipliers, parts))
+
+
+def _multipliers(parts: Sequence[Trajectory]) -> np.ndarray | None:
+    """Floquet multipliers of uncoupled equations; None if those of a part are unknown."""
+    known = [each.multipliers for each in parts if each.multipliers is not None]
+    n = sum(each.z.shape[1] for each in parts)
+    return leading(np.concatenate(known), n) if len(known) == len(parts) else None
 
 
 def _by_method(run: Run, progress: Progress | None = None) -> Trajectory:
@@ -105,7 +109,7 @@ def _judged(run: Run, orbit: Orbit, progress: Progress | None) -> tuple[Outcome,
         return Outcome.COMPLETED, "the stability is unknown: the steps are too long", None
     moved = monodromy(grid)
     if dies_away(moved):
-        return Outcome.COMPLETED, "", lambda: leading(np.linalg.eigvals(moved), grid.n)
+        return Outcome.COMPLETED, "", partial(_eigenvalues, moved)
     from kaneflex.integrate.by_steps import periodic_start
 
     judged = periodic_start(replace(run, method="radau", n_steps=steps), progress)
@@ -122,6 +126,10 @@ def dies_away(moved: np.ndarray) -> bool:
         for _ in range(_SQUARED):
             power = power @ power
         return float(np.linalg.norm(power)) ** (0.5**_SQUARED) < _CLEAR
+
+
+def _eigenvalues(matrix: np.ndarray) -> np.ndarray:
+    return leading(np.linalg.eigvals(matrix), len(matrix) // 2)
 
 
 PIECES = 64
