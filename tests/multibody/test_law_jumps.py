@@ -8,6 +8,7 @@ from lifting import lifted
 from machines import machine, pendulum
 from parity import compared, planar, random_turn
 from runs import alike, changes, solved
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from kaneflex import SceneError, load, read_scene, scene_of, simulate, with_settings
@@ -96,6 +97,58 @@ def test_a_jump_at_the_start_is_passed_in_every_run_and_where_one_continues(text
         on = t // 1 * 0.5 + np.minimum(t % 1, 0.5)
         assert speed == pytest.approx(10 + 3 / J * on, abs=1e-9)
     assert angle[0] == pytest.approx(10 + 3 / J * (0.125 + 0.25), abs=1e-9)
+
+
+@pytest.mark.parametrize("law", ["step(23*t)", "sign(sin(t)) + 1 - step(-t)", "step(sin(t))"])
+def test_a_jump_at_the_start_is_passed_with_bristles(law):
+    """Steps became so short there that LuGre's friction was no number: against its equations by scipy."""
+    scene = scene_of(f"""
+schema = 1
+bodies.block = {{mass = "1 kg"}}
+joints.slide.prismatic = ["ground", "block"]
+joints.slide.direction = [1, 0]
+joints.slide.friction = {{law = "lugre", preload = "0.5 N", bristle_stiffness = "1e3 N/m", bristle_damping = 30}}
+drives.slide.free = true
+loads.pull = {{force_on = "block", direction = [1, 0], law = "{law}"}}
+sensors.x = {{position = "slide"}}
+sensors.rate = {{acceleration = "block", axes = "global"}}
+solve = {{preset = "coupled", duration = "0.5 s", steps = 10}}
+""")
+    pull = 2.0 if "sign" in law else 1.0
+
+    def rates(t, y):
+        bends = y[1] - 1e3 * abs(y[1]) * y[2] / 0.5
+        return [y[1], pull - 1e3 * y[2] - 30.0 * bends, bends]
+
+    found = solved(scene)
+    expected = solve_ivp(rates, (0.0, 0.5), np.zeros(3), "Radau", found.times, rtol=1e-10, atol=1e-13).y[0]
+    assert found.outcome is Outcome.COMPLETED, found.message
+    assert found.series["x"].values == pytest.approx(expected, abs=1e-6)
+    assert found.series["rate"].values[0] == pytest.approx(pull, rel=1e-9)
+
+
+@pytest.mark.parametrize("speed", [20.0, -20.0])
+def test_a_cycle_may_begin_at_a_jump(speed):
+    """There rounding decides on which side a law is: a square wave of force on a mass, a spring and a damper."""
+    scene = scene_of(f"""
+schema = 1
+bodies.block = {{mass = "2 kg"}}
+bodies.crank = {{mass = "1 kg"}}
+joints.main = {{revolute = ["ground", "crank"]}}
+joints.slide = {{prismatic = ["ground", "block"], direction = [1, 0]}}
+drives.main = {{speed = {speed}, angle = "180 deg", cycle = "360 deg"}}
+drives.slide.free = true
+loads.push = {{force_on = "block", direction = [1, 0], law = "50*step(sin(main)) - 800*slide - 4*slide_speed"}}
+sensors.x = {{position = "slide"}}
+solve = {{preset = "coupled", start = "periodic", steps = 40}}
+""")
+    A, half = np.array([[0.0, 1.0], [-400.0, -2.0]]), math.pi / 20.0
+    over, rest = expm(half * A), np.array([1.0 / 16.0, 0.0])
+    one, two = (rest, 0.0 * rest) if speed < 0.0 else (0.0 * rest, rest)  # in the halves of a cycle
+    x = np.linalg.solve(np.eye(2) - over @ over, (over - over @ over) @ one + two - over @ two)
+    found = solved(scene)
+    expected = [(expm(t * A) @ (x - one) + one)[0] for t in found.times[:21]]
+    assert found.series["x"].values[:21] == pytest.approx(np.array(expected), abs=1e-7)
 
 
 @METHODS

@@ -25,6 +25,8 @@ UNREPEATED = "{} is {:.6g} at first and {:.6g} a cycle later"
 """Reason why a motion or load is not periodic."""
 _REPEATS = 1e-6
 """Change of a drive or load over a cycle, relative to the larger of it and one, that counts as periodic."""
+_LATER = 1e-6
+"""Share of a cycle after its ends at which drives and loads are compared, since laws may jump at the ends."""
 _MOST = 20_000
 """Largest number of instants at which laws are checked before the computation."""
 MAX_STORED = 40_000
@@ -103,7 +105,8 @@ def refuse_unrepeated(reason: str | None) -> None:
 def check_repeats(system: Any, driven: Sequence[str], start: State, period: float) -> None:
     """Raise SceneError unless courses of drives, up to full turns, and sizes of loads where free joints start are the
     same after a period [s], in the plane and in space."""
-    times, joints = (start.t, start.t + period), system.mechanism.joints
+    first, joints = start.t + _LATER * period, system.mechanism.joints
+    times = first, first + period
     courses = system.engine.courses(np.array(times)).reshape(2, -1, 3)
     turns = [joints[name].kind != "prismatic" for name in driven]
     courses[1, turns, 0] -= whole_turns(courses[1, turns, 0] - courses[0, turns, 0])

@@ -316,9 +316,7 @@ def _take_sides(m, t, A):
     """Set laws by the sides of their switches; False at a singular state."""
     no_inline()
     w, moving = m.w, False
-    if not choose_sides(m, t):
-        return True
-    if not correct_accelerations(m, t, A, 2):
+    if choose_sides(m, t) and not correct_accelerations(m, t, A, 2):
         return False
     for n in range(contacts(m)):
         w[at(m, n) + DUE] = 0.0
