@@ -187,13 +187,12 @@ def _linear(model: Model, name: str) -> tuple[list[str], str, Start]:
     weights = np.array(method.coefficients(system, row, model.step, model.options.rho_infinity))
     nodes = (*method.nodes[1:], 1.0)[: max(method.stages, 1)]
     places = [sorted(model.motion.column[each] for each in monomial) for monomial in model.monomials]
-    ends, what, constants = system.sums
     arrays: Arrays = {
         "product_ends": ("size_t", np.cumsum([len(each) for each in places])),
         "factors": ("size_t", [place for each in places for place in each]),
-        "sum_ends": ("size_t", ends[1:]),
-        "sum_products": ("size_t", what),
-        "sum_constants": ("double", constants),
+        "sum_ends": ("size_t", system.stacked.indptr[1:]),
+        "sum_products": ("size_t", system.stacked.indices),
+        "sum_constants": ("double", system.stacked.data),
         "nodes": ("double", nodes),
         "weights": ("double", weights),
         "z_0": ("double", begun.z[0]),

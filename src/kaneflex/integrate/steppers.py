@@ -4,7 +4,7 @@ Arguments of the loops are addresses of arrays, row by row:
 
 plan           whole numbers, see `kaneflex.integrate.conventions.Plan`
 layout, stages of the system and of all stages' unknowns: base, first and last of a `Layout`, see there
-ends, what,    terms of the system: `AffineSystem.sums`
+ends, what,    terms of the system: `AffineSystem.stacked`
 values
 scalars        table: of each step a row at its start and at its stages, if there are any, and the end of the last step;
                it is read again from its start after the last step in it

@@ -102,14 +102,18 @@ class Setup:
     def layouts(self) -> list[np.ndarray]:
         """Layouts of the matrices of the system and of all stages: base, first and last, one after the other.
 
-        Zeros within the profile are stored, too.
+        Zeros within the profile of M, C and K are stored, too: elimination fills no others (Jennings 1966).
         """
         n, w, found = self.system.n, self.system.half_bandwidth, list[np.ndarray]()
+        last = np.arange(n) + 1
+        for rows, columns, *_ in map(self.system.entries_of, "MCK"):
+            np.maximum.at(last, np.minimum(rows, columns), np.maximum(rows, columns) + 1)
+        last = np.maximum.accumulate(last)
+        first = np.searchsorted(last, np.arange(n), side="right")
         for copies in (1, max(1, self.method.stages)):
             rows, blocks = np.arange(n * copies), np.repeat(np.arange(n), copies)
             base = (rows * (2 * w + 1) - blocks + w) * copies
-            first, last = (each[blocks] * copies for each in self.system.profile)
-            found.append(np.concatenate((base, first, last)).astype(np.int64))
+            found.append(np.concatenate((base, first[blocks] * copies, last[blocks] * copies)).astype(np.int64))
         return found
 
     @cached_property
@@ -132,7 +136,9 @@ class Setup:
         if columns not in self.work:
             matrices = 3 * (3 * slots + n) + stages * n + (stages**2 + 1) * slots
             self.work[columns] = np.empty(matrices + (stages + 1) * n * columns)
-        given = plan, *self.layouts, *self.system.sums, scalars, coefficients, load_factor
+        terms = self.system.stacked
+        sums = terms.indptr, terms.indices, terms.data
+        given = plan, *self.layouts, *sums, scalars, coefficients, load_factor
         arrays = *given, *state, self.work[columns], *stored
         return divmod(stepper(self.method.stepper)(*map(by_address, arrays), bound), OUTCOMES)
 
@@ -215,5 +221,5 @@ def _steps_of_a_call(setup: Setup, columns: int) -> int:
     n_slots = setup.slots(stages)
     factor = n_slots * stages * (setup.system.half_bandwidth + 1)
     # sums at every node of the table, the factorisation, and C v, K z and a solve in every column
-    work = len(setup.method.nodes) * setup.system.sums[2].size + factor + columns * 4 * n_slots
+    work = len(setup.method.nodes) * setup.system.stacked.data.size + factor + columns * 4 * n_slots
     return max(1, int(_WORK_OF_A_CALL / work))

@@ -50,7 +50,7 @@ class AffineSystem:
             expected = (self.n if name == "F" else rows, self.n_scalars)
             if getattr(self, name).shape != expected:
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}: must be {expected}")
-            columns = self._entries(name).columns
+            columns = self.entries_of(name).columns
             if columns.min(initial=0) < 0 or columns.max(initial=0) >= self.n:
                 raise ValueError(f"{name} has an entry in a column outside 0 to {self.n - 1}, off the matrix")
 
@@ -72,39 +72,23 @@ class AffineSystem:
         scalars = np.asarray(scalars, dtype=float)
         if name == "F":
             return self.F @ scalars
-        matrix, each = np.zeros((self.n, self.n)), self._entries(name)
+        matrix, each = np.zeros((self.n, self.n)), self.entries_of(name)
         np.add.at(matrix, (each.rows, each.columns), each.values * scalars[each.scalars])
         return matrix
 
     @cached_property
-    def profile(self) -> tuple[np.ndarray, np.ndarray]:
-        """First column of each row in the factors of M, C and K, and the one after the last: elimination fills no
-        others (Jennings 1966)."""
-        last = np.arange(self.n) + 1
-        for rows, columns, *_ in map(self._entries, _MATRICES):
-            np.maximum.at(last, np.minimum(rows, columns), np.maximum(rows, columns) + 1)
-        last = np.maximum.accumulate(last)
-        return np.searchsorted(last, np.arange(self.n), side="right"), last
-
-    @cached_property
     def stacked(self) -> SparseRows:
-        """Rows of M, then C, then K, then F."""
+        """Rows of M, then C, then K, then F: the terms of each slot."""
         matrices = [getattr(self, name) for name in (*_MATRICES, "F")]
         data, indices = (np.concatenate([getattr(each, of) for each in matrices]) for of in ("data", "indices"))
-        counts = np.concatenate([np.diff(each.indptr) for each in matrices])
-        return SparseRows(data, indices, np.append(0, np.cumsum(counts)), (len(counts), self.n_scalars))
-
-    @cached_property
-    def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Ends of the terms of each slot of M, then C, then K, then F, with their scalars and numbers."""
-        rows = self.stacked
-        return rows.indptr.astype(np.int64), rows.indices.astype(np.int64), rows.data
+        ends = np.append(0, np.cumsum(np.concatenate([np.diff(each.indptr) for each in matrices])))
+        return SparseRows(data, indices.astype(np.int64), ends, (len(ends) - 1, self.n_scalars))
 
     def reached(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Mask of the coordinates, (n,), that move from a state (z, v) or by F, or are coupled to such ones."""
         found = (z != 0.0) | (v != 0.0)
-        found[self._entries("F").rows] = True
-        rows, columns = np.hstack([self._entries(name)[:2] for name in _MATRICES])
+        found[self.entries_of("F").rows] = True
+        rows, columns = np.hstack([self.entries_of(name)[:2] for name in _MATRICES])
         while (between := found[rows] != found[columns]).any():
             found[rows[between]] = found[columns[between]] = True
         return found
@@ -112,12 +96,12 @@ class AffineSystem:
     def part(self, chosen: np.ndarray) -> AffineSystem:
         """Equations of some coordinates, a mask of shape (n,), that are not coupled to others."""
         place, found = np.cumsum(chosen) - 1, list[Entries]()
-        for each in map(self._entries, (*_MATRICES, "F")):
+        for each in map(self.entries_of, (*_MATRICES, "F")):
             rows, columns, *numbers = (of[chosen[each.rows]] for of in each)
             found.append(Entries(place[rows], place[columns], *numbers))
         return AffineSystem.of(int(chosen.sum()), self.n_scalars, *found)
 
-    def _entries(self, name: str) -> Entries:
+    def entries_of(self, name: str) -> Entries:
         """Entries of M, C or K that are not zero, or of F, in a column each."""
         matrix, w = getattr(self, name), 0 if name == "F" else self.half_bandwidth
         stored = np.flatnonzero(matrix.data)
