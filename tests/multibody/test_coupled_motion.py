@@ -15,10 +15,13 @@ from kaneflex.mechanism.wrenches import Wrench
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.floating_motion import FloatingMotion
 from kaneflex.multibody.time.trajectory import by_themselves
+from kaneflex.response import dalembert
 from kaneflex.response.dalembert import Balance, balanced
+from kaneflex.response.momentum import rate_of_momentum
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled import result_of
+from kaneflex.solve.error_stages import values_of
 
 
 def path(system: System, *parts: np.ndarray) -> np.ndarray:
@@ -175,3 +178,13 @@ def test_far_instants_at_nearly_the_same_place_of_a_drive_are_reached():
     alone = [solution.at(np.array([t])).series["torque_rigid"].values[0] for t in (0.000314, 0.15677, 0.313686)]
     together = solution.at(np.array([0.000314, 0.15677, 0.313686])).series["torque_rigid"].values
     assert together == pytest.approx(alone, rel=1e-9)
+
+
+def test_sensors_of_a_link_share_its_sections(monkeypatch):
+    """The momentum before the middle, the end and the start is integrated once, with and without axial vibration."""
+    found, counted = solved("engine", "solve.preset=coupled", "solve.steps=60"), []
+    monkeypatch.setattr(dalembert, "rate_of_momentum", lambda *of: counted.append(of[0]) or rate_of_momentum(*of))
+    read = values_of(found.motion, ("rod_force_piston", "rod_mid_force", "rod_mid_strain"))
+    assert len(counted) == 2 * 3
+    for name, values in read.items():
+        assert np.array_equal(values, found[name].values)

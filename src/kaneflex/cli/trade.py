@@ -142,7 +142,7 @@ def _row(found: Trade, entry: Ranked) -> tuple[str, ...]:
     cost = entry.cost
     return (
         "*" if entry in found.front else "", entry.name, entry.worst.sensor, percent(entry.error),
-        percent(entry.rms), f"{1e3 * cost.set_up:.3g} ms", f"{cost.ns_per_step:.0f}", str(cost.steps),
+        percent(entry.worst.rms_error), f"{1e3 * cost.set_up:.3g} ms", f"{cost.ns_per_step:.0f}", str(cost.steps),
         f"{1e3 * cost.total:.3g} ms", "" if cost.spread is None else f"{100 * cost.spread:.0f} %",
         "yes" if entry.within else "no",
     )  # fmt: skip
@@ -188,7 +188,7 @@ def terms_table(found: Terms) -> str:
 def _effect_row(effect: Effect) -> tuple[str, ...]:
     changes = ("does not run without" if effect.needed else "shows only rounding", "", "")
     if effect.differences:
-        changes = (effect.worst.sensor, percent(effect.worst.error), percent(effect.rms))
+        changes = (effect.worst.sensor, percent(effect.worst.error), percent(effect.worst.rms_error))
     own = (effect.group.name, effect.group.meaning, "yes" if effect.needed else "no", *changes)
     return (*own, "" if effect.operations is None else f"{effect.operations:+d}")
 
@@ -202,10 +202,10 @@ def trade_data(found: Trade) -> Data:
     """Content of ``trade.json`` and ``trade.csv``: times in s, errors as shares of the reference's peaks."""
     reference, rows, models = found.reference, list[Row](), list[Row]()
     for entry in found.ranked:
-        cost, error, own = asdict(entry.cost), entry.worst, {"good_enough": entry.within}
-        own |= {"on_front": entry in found.front}
+        cost, error = asdict(entry.cost), entry.worst
+        own = {"rms": error.rms_error, "good_enough": entry.within, "on_front": entry in found.front}
         own |= {name: cost[name.removesuffix("_s")] for name in _COSTS}
-        rows.append({"model": entry.name, "error": entry.error, "worst_sensor": error.sensor, "rms": entry.rms, **own})
+        rows.append({"model": entry.name, "error": entry.error, "worst_sensor": error.sensor, **own})
         more = {"settings": list(found.settings_of(entry)), "cost": cost, "sensors": _shares(entry.differences)}
         models.append(rows[-1] | more)
     return {
@@ -230,7 +230,7 @@ def terms_data(found: Terms) -> Data:
     rows = []
     for effect in found.effects:
         most, own = effect.worst if effect.differences else None, ("needed", "operations", "reason")
-        change = {"change": most and most.error, "worst_sensor": most and most.sensor, "rms": most and effect.rms}
+        change = {"change": most and most.error, "worst_sensor": most and most.sensor, "rms": most and most.rms_error}
         about: Row = {"group": effect.group.name, "meaning": effect.group.meaning}
         rows.append(about | change | {name: getattr(effect, name) for name in own})
     pairs = zip(rows, found.effects, strict=True)

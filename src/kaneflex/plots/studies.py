@@ -129,7 +129,7 @@ def _changes(axes: Axes, found: Terms) -> None:
             note = "needed: does not run without" if effect.needed else "shows only rounding"
             axes.annotate(note, (0.02, row), xycoords=("axes fraction", "data"), va="center", color=colour)
             continue
-        peak, rms = 100 * effect.worst.error, 100 * effect.rms
+        peak, rms = 100 * effect.worst.error, 100 * effect.worst.rms_error
         axes.barh(row, max(peak, _CHANGE), height=0.7, color=shade(colour, 0.45))
         axes.barh(row, max(rms, _CHANGE), height=0.4, color=colour)
         axes.annotate(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any, cast
@@ -75,6 +75,7 @@ class Balance:
     motion: DeformingMotion
     link: str
     wrenches: Callable[[], Iterable[Wrench]]
+    _known: dict[float, np.ndarray] = field(default_factory=dict)
 
     def before(self, x: float, after: bool) -> np.ndarray:
         """Force and moment that the part before x [m] needs, just before or just after the loads at x.
@@ -94,13 +95,14 @@ class Balance:
         return self._momentum(self._mass.link.length) - self._pushes(self._mass.link.length, 1.0)
 
     def _momentum(self, x: float) -> np.ndarray:
-        """Rate of momentum of the part before x [m], less its distributed loads."""
-        own, e = self._mass, self._mass.link.locate(x)[0]
-        last = own.slices(e, x)
-        part = own.before[e].plus(MassIntegrals.of(last))
-        total = rate_of_momentum(part, self._places, self._carried, self._spread)
-        total[own.size :] += self._turned_before[e] + self._turning(last)
-        return total
+        """Rate of momentum of the part before x [m], less its distributed loads; sensors of a link share sections."""
+        if x not in self._known:
+            own, e = self._mass, self._mass.link.locate(x)[0]
+            last = own.slices(e, x)
+            part = own.before[e].plus(MassIntegrals.of(last))
+            self._known[x] = rate_of_momentum(part, self._places, self._carried, self._spread)
+            self._known[x][own.size :] += self._turned_before[e] + self._turning(last)
+        return self._known[x]
 
     def _pushes(self, x: float, at_x: float) -> np.ndarray:
         """Sum of the loads before x, and of the share ``at_x`` of those at x."""

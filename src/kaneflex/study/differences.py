@@ -86,11 +86,6 @@ class Compared:
         """Largest error max|y - y_ref| / max|y_ref| of a sensor; infinite without differences."""
         return max((each.error for each in self.differences), default=math.inf)
 
-    @property
-    def rms(self) -> float:
-        """Rms error of the :attr:`worst` sensor as a share of its peak."""
-        return self.worst.rms_error
-
 
 def difference(
     sensor: str, model: str, unit: str, times: np.ndarray, values: np.ndarray, reference: np.ndarray, peak: float

@@ -127,11 +127,8 @@ def _one_way(scene: Scene, preset: str) -> Family:
     work: dict[Variant, float] = {}
     for name, (settings, elements) in kinds.items():
         counts = [max(1, steps // part) for part in _COARSER] + [steps * more for more in _FINER if not settings]
-        each = _OF_A_STEP + 3 * elements
-        work[Variant(name, (*plain, *settings))] = steps * each
-        for count in counts:
-            variant = Variant(f"{name}, {_count(count, 'step')}", (*plain, *settings, f"solve.steps={count}"))
-            work[variant] = count * each
+        model, each = Variant(name, (*plain, *settings)), _OF_A_STEP + 3 * elements
+        work |= {with_stored(model, steps, count): count * each for count in (steps, *counts)}
     whole, ascending = Variant(preset, plain), sorted(work, key=work.__getitem__)
     number = ascending.index(whole)
     return Family(whole, tuple(ascending[:number]), tuple(ascending[number + 1 :]))
