@@ -93,7 +93,7 @@ class Choice(PlainTable):
 
 
 class SensorDerivative(PlainTable):
-    """Derivatives dy/dp of a sensor's statistics y by a parameter p; relative (p/y) dy/dp, null if y is zero."""
+    """Derivatives dy/dp of a sensor's statistics y by a parameter p; relative (p/y) dy/dp, null if y is rounding."""
 
     unit: str = Field(description="SI unit of the sensor divided by that of the parameter")
     min: float = Field(description="derivative of the smallest value")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -117,7 +117,7 @@ def differences(
     """
     times = np.union1d(curves.times, reference.times) if between else curves.times
     times = times[times <= (1.0 + _CLOSE) * min(curves.times[-1], reference.times[-1])]
-    floors, found = _floors(scene, reference), []
+    floors, found = rounding_levels(scene, reference.values), []
     for name in sensors:
         unit, peak = scene.sensors[name].unit, float(abs(reference.values[name]).max())
         if peak <= floors[unit]:
@@ -132,15 +132,15 @@ def differences(
     return tuple(found)
 
 
-def _floors(scene: Scene, reference: Curves) -> dict[str, float]:
+def rounding_levels(scene: Scene, values: Mapping[str, np.ndarray]) -> dict[str, float]:
     """Unit -> level of rounding error; moments are related to forces by the mechanism's longest arm.
 
     Rates are related to motions by one turn a cycle or run, not by higher frequencies: vibrations may be small.
     """
     peaks: dict[str, float] = defaultdict(float)
-    for name in scene.sensors.keys() & reference.values.keys():
+    for name in scene.sensors.keys() & values.keys():
         unit = scene.sensors[name].unit
-        peaks[unit] = max(peaks[unit], float(abs(reference.values[name]).max()))
+        peaks[unit] = max(peaks[unit], float(abs(values[name]).max()))
     arm = max(body.length or 0.0 for body in scene.bodies.values()) or 1.0
     for load in scene.loads.values():
         if load.value is not None:

@@ -16,6 +16,7 @@ from kaneflex.scene.option_check import refuse_contacts
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.solution import Solution
 from kaneflex.solve.summary_tables import ParameterSensitivity, SensorDerivative
+from kaneflex.study.differences import rounding_levels
 from kaneflex.study.sensitivity.parameters import Parameter, find_parameters
 from kaneflex.study.sensitivity.slopes import differentiated
 from kaneflex.support.arguments import takes
@@ -75,8 +76,14 @@ class Sensitivities:
         by = parameter.unit
         return own if by == "1" else f"{own}/({by})" if set(by) & set(" /") else f"{own}/{by}"
 
+    @cached_property
+    def _levels(self) -> dict[str, float]:
+        """Unit -> level of rounding error."""
+        series = self.solution.series
+        return rounding_levels(self.solution.model.scene, {name: each.values for name, each in series.items()})
+
     def of(self, parameter: Parameter, sensor: str) -> SensorDerivative:
-        """Derivatives of the smallest, largest, rms and mean value."""
+        """Derivatives of the smallest, largest, rms and mean value; relative ones only above rounding error."""
         y, slope = self.solution.series[sensor].values, self.slopes[parameter.name][sensor]
         times = self.solution.times
         rms = np.sqrt(mean_over_time(y**2, times))
@@ -85,11 +92,13 @@ class Sensitivities:
         slopes = {"min": slope[np.argmin(y)], "max": slope[np.argmax(y)], "mean": mean_over_time(slope, times)}
         slopes["rms"] = mean_over_time(y * slope, times) / rms if rms else 0.0
         plain = {key: float(value / parameter.value) for key, value in slopes.items()}
-        logarithmic = {f"log_{key}": float(slopes[key] / value) if value else None for key, value in values.items()}
+        least = self._levels.get(self.solution.series[sensor].unit, 0.0)
+        known = {key: value if abs(value) > least else None for key, value in values.items()}
+        logarithmic = {f"log_{key}": float(slopes[key] / value) if value else None for key, value in known.items()}
         return SensorDerivative(unit=self.unit(parameter, sensor), **plain, **logarithmic)
 
     def peak(self, parameter: Parameter, sensor: str) -> float | None:
-        """Per cent by which a sensor's largest magnitude grows if the parameter grows by 1 %; None if it is zero."""
+        """Per cent by which a sensor's largest magnitude grows if the parameter grows by 1 %; None if rounding."""
         y, of = self.solution.series[sensor].values, self.of(parameter, sensor)
         return of.log_max if abs(y.max()) >= abs(y.min()) else of.log_min
 
