@@ -79,6 +79,23 @@ def test_a_spring_without_free_length_pulls_through_the_point_where_its_ends_mee
     )
 
 
+def test_a_drive_may_pass_where_a_free_joint_starts():
+    """The pusher at 0.08 m passes 0.05 m, where the block starts, only after its spring has moved the block on."""
+    solution = solve("""
+schema = 1
+bodies = {pusher = {mass = 1}, block = {mass = 0.1}}
+joints.push = {prismatic = ["ground", "pusher"], direction = [1, 0]}
+joints.slide = {prismatic = ["ground", "block"], direction = [1, 0]}
+drives.push = {law = "0.08 * step(t, 0, 0, 0.2, 1)"}
+drives.slide = {free = true, position = 0.05}
+springs.coil = {between = ["pusher", "block"], stiffness = 1e5, length = 0.05}
+sensors.pull = {spring_force = "coil"}
+solve = {preset = "coupled", duration = 0.2, steps = 20}
+""")
+    rigid = solution.rigid
+    assert rigid["pusher.x"][-1] == pytest.approx(0.08) and (rigid["block.x"] - rigid["pusher.x"] > 0.049).all()
+
+
 def test_a_torsional_spring_at_a_drive_counts_whole_turns():
     spring = 'springs.hinge = {torsional_at = "pivot", stiffness = 12, angle = "20 deg", damping = 0.1}\n'
     solution = solve(DRIVEN.replace("360", "1080") + spring + 'sensors.m = {spring_torque = "hinge"}\n' + RIGID)

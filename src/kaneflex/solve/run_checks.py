@@ -53,8 +53,7 @@ def _check_finite(model: Model) -> None:
     """Raise SceneError unless loads and prescribed motions are finite at every step."""
     scene, motion, options = model.scene, model.motion, model.options
     times = motion.begin + np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
-    free_bodies = options.dynamics == "coupled" and bool(scene.floating or scene.free_joints)
-    rigid = motion.at(times)
+    free_bodies, rigid = _moves_freely(model), motion.at(times)
     known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
     laws = {name: scene.argument(name) for name in scene.loads} if scene.observed else {}
     elsewhere = {name for name, law in laws.items() if law is not None and law.uses_any(scene.observed)}
@@ -125,15 +124,24 @@ def check_repeats(system: Any, driven: Sequence[str], start: State, period: floa
             refuse_unrepeated(UNREPEATED.format(name, before[k], after[k]))
 
 
+def _moves_freely(model: Model) -> bool:
+    """True under preset coupled with free joints or bodies: the motion in the plane is known only after the run."""
+    return model.options.dynamics == "coupled" and bool(model.scene.floating or model.scene.free_joints)
+
+
 def _check_springs(model: Model) -> None:
-    """Raise SceneError if the ends of a spring with free length or damper meet: its direction is undefined there."""
+    """Raise SceneError if the ends of a spring with free length or damper meet: its direction is undefined there.
+
+    Where free joints are known only after the run, just the start is checked.
+    """
     scene, motion = model.scene, model.motion
     directed = {name: s for name, s in scene.springs.items() if s.between and (s.length or s.damping)}
     if not directed:
         return
     from kaneflex.mechanism.springs import points_meet
 
-    rigid = motion.at(motion.begin + np.linspace(0.0, model.options.duration, SWEEP + 1))
+    unknown = _moves_freely(model) and model.coupled_in_space is None
+    rigid = motion.at(motion.begin + np.linspace(0.0, 0.0 if unknown else model.options.duration, SWEEP + 1))
     for name, spring in directed.items():
         start, end = (rigid.frame(address.body).place(scene.point(address)) for address in spring.between)
         d = end - start
