@@ -48,15 +48,14 @@ class RigidKinematics:
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
-        times = np.atleast_1d(np.asarray(times, dtype=float))
-        out = np.zeros((len(times), len(self.column)))
-        on_arrays(self.module.tabulate)(times[None], self.parameters, out.T[None])
-        return out
+        return self.at(times).values
 
     def at(self, times: np.ndarray | float) -> RigidMotion:
         """Rigid motion at ``times`` [s], scalar by name."""
         times = np.atleast_1d(np.asarray(times, dtype=float))
-        return RigidMotion(self, times, self.table(times))
+        out = np.zeros((len(times), len(self.column)))
+        on_arrays(self.module.tabulate)(times[None], self.parameters, out.T[None])
+        return RigidMotion(self, times, out)
 
     def acting(self, times: np.ndarray, seen: RigidMotion) -> RigidMotion:
         """Motion at ``times`` [s], at least its loads and speeds of links; ``seen`` holds all of it at every step."""

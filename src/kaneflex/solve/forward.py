@@ -64,10 +64,10 @@ class StartKinematics(RigidKinematics):
         """Equations of the motion, and its initial state."""
         return self.system, self.state
 
-    def table(self, times: np.ndarray) -> np.ndarray:
+    def at(self, times: np.ndarray | float) -> RigidMotion:
         if np.any(times):
             raise not_integrated(float(np.max(times)))
-        return super().table(times)
+        return super().at(times)
 
 
 def at_start(system: System, motion: RigidKinematics) -> StartKinematics:

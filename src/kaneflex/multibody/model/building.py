@@ -154,11 +154,11 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
         if not isinstance(touched, np.ndarray):  # few rows may be a dense array, their product is sparse
             within, motion = sparse(within), sparse(motion)
         touched = touched + motion.T @ within @ motion
-    before = _half_bandwidth(touched)
+    rows, columns, _ = entries(touched)
+    before = abs(rows - columns).max(initial=0)
     if before <= _NARROW:  # narrow ones keep their order
         return frame, placed
     order = _reverse_cuthill_mckee(touched)
-    rows, columns, _ = entries(touched)
     place = np.argsort(order)
     if abs(place[rows] - place[columns]).max() >= before:
         return frame, placed
@@ -198,11 +198,6 @@ def _ordered(frame: Frame, placed: list[Placed], coordinates: Sequence[str]) -> 
         {name: L @ swap for name, L in frame.bodies.items()},
     )
     return moved, [each._replace(L=each.L @ swap) for each in placed]
-
-
-def _half_bandwidth(pattern: Matrix) -> int:
-    rows, columns, _ = entries(pattern)
-    return int(abs(rows - columns).max(initial=0))
 
 
 def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> ElasticEquations:

@@ -53,10 +53,6 @@ class SpatialKinematics(RigidKinematics):
     def begin(self) -> float:  # type: ignore[override]
         return self.curve.start.t
 
-    def table(self, times: np.ndarray) -> np.ndarray:
-        """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
-        return self.at(times).values
-
     def at(self, times: np.ndarray | float, record: np.ndarray | None = None) -> SpatialMotion:
         """Rigid motion at ``times`` [s], with scalars by name; ``record``: that of the curve there, if it is known."""
         motion = self._open(np.ascontiguousarray(np.atleast_1d(times), dtype=float), record)
