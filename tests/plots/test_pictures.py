@@ -138,6 +138,13 @@ def test_motors_and_dampers_are_drawn_over_time_and_over_their_speeds(preset):
     assert speed[0] == pytest.approx(2.0, rel=1e-9) and newton == pytest.approx(-3.0 * speed, rel=1e-9, abs=1e-9)
 
 
+def test_the_text_of_a_late_peak_is_not_cut_off():
+    load = "loads.push={force_on='upper.end', direction=[0, 1], law='t'}"
+    (panel,) = drawn(loads.figures, "double-pendulum", "solve.duration=0.1 s", "solve.steps=20", load).axes
+    (text,) = panel.texts
+    assert text.get_ha() == "right" and text.get_position()[0] < 0.0
+
+
 def test_loads_that_do_not_vary_have_no_picture():
     constant = MOTOR.replace('law = "20 * (1 - shaft_speed / 150)"', "value = 20")
     constant = constant.replace('law = "-3 * bore_speed"', "value = -3")

@@ -124,9 +124,10 @@ def _mark_peak(shown: View, axes: Axes, panel: Panel) -> None:
     peak = int(np.argmax(abs(first)))
     x, value = shown.x[peak], factor * first[peak]
     x_unit = shown.x_label[shown.x_label.index("[") + 1 : -1]
+    late = x > np.quantile(shown.x, 0.75)  # at the right edge, the text would be cut off
     axes.annotate(
-        f"{value:.3g} {name} at {x:.4g} {x_unit}".replace("-", "\N{MINUS SIGN}"), (x, value), xytext=(6, 4),
-        textcoords="offset points", fontsize=8,
+        f"{value:.3g} {name} at {x:.4g} {x_unit}".replace("-", "\N{MINUS SIGN}"), (x, value),
+        xytext=(-6 if late else 6, 4), ha="right" if late else "left", textcoords="offset points", fontsize=8,
     )  # fmt: skip
     axes.margins(y=0.1)
     axes.plot(x, value, "o", color="black", markersize=3)

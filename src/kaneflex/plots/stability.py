@@ -45,7 +45,8 @@ def _over_cycle(frequencies: Axes, factors: Axes, found: Stability, x: np.ndarra
     _name_ends(frequencies, x[-1], [(y, f"mode {k}", PALETTE[(k - 1) % len(PALETTE)]) for k, y in enumerate(last, 1)])
     where = ", in axes that turn with the links" if turns(found.model) else ""
     frequencies.set(title=f"frozen natural frequencies{where}", ylabel=f"frequency [{unit}]")
-    factors.set(title="share of the buckling load, 1 / lambda", ylabel="load / buckling load [1]", xmargin=0)
+    title = "no buckling load" if found.buckling is None else "share of the buckling load, 1 / lambda"
+    factors.set(title=title, ylabel="load / buckling load [1]", xlim=(x.min(), x.max()))
     if found.buckling is not None:
         factors.plot(x, 1.0 / found.buckling.factors)
     factors.axhline(1.0, color=GREY, linewidth=0.8)
