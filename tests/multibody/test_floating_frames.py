@@ -144,7 +144,9 @@ def test_accelerations_and_reactions_know_no_direction(name):
     turned, links = reversed_links(scene)
     model = kaneflex.load(scene)
     system, other = model.coupled, build_system(turned, lambda stage: None, modes_of(turned.solve))[0]
-    q, v = moved_state(system, *system.frames(*model.motion.states(system, np.array([T]))), 7)
+    system.engine.set(*model.motion.states(system, np.array([T])))
+    record = system.unfold(system.engine.row(T)[None])[0]
+    q, v = moved_state(system, record[system.record.q], record[system.record.v], 7)
     there, rates, back = seen_from_the_end(system, other, links, q, v)
     found, mirrored = closed(system, T, q, v), closed(other, T, there, rates)
     assert mirrored.q[0] == pytest.approx(there, abs=1e-10) and mirrored.v[0] == pytest.approx(rates, abs=1e-8)

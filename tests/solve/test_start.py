@@ -236,8 +236,8 @@ def rates_at_start(text, velocities, *settings):
 def test_the_velocity_polygon_is_that_of_the_loop():
     """a e(crank) w_1 + b e(coupler) w_2 = c e(rocker) w_3, with the angles that close the loop."""
     given = load(scene_of(FOUR_BAR))
-    q, _ = given.coupled.frames(beginning(given))
-    angles, sizes = q[2::3], np.array([0.1, 0.3, -0.25])
+    poses = given.coupled.poses(beginning(given))
+    angles, sizes = np.array([pose[2] for pose in poses.values()]), np.array([0.1, 0.3, -0.25])
     columns = sizes * np.array([-np.sin(angles), np.cos(angles)])
     followed = np.linalg.solve(columns[:, 1:], -columns[:, 0])
     assert list(FOLLOWING.values()) == pytest.approx([1.0, followed[0] - 1.0, followed[1]], rel=1e-6)

@@ -19,7 +19,6 @@ from kaneflex.multibody.model.building import reference_instant
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.initial_state import choose_for_all
 from kaneflex.multibody.model.state import Choice, State
-from kaneflex.multibody.model.system import BODY
 from kaneflex.multibody.time.floating_motion import FloatingMotion
 from kaneflex.multibody.time.harmonic_balance import HARMONICS, orbit_start
 from kaneflex.multibody.time.linearisation import Equations, prepare
@@ -161,11 +160,11 @@ def _given(model: Model, start: State) -> State:
     system, tables = model.coupled, given_start(model.scene.solve)
     assert system is not None
     laid, engine = written_state(tables, system, start), system.engine
-    before, _ = system.frames(laid)
-    q = unwrapped(system, before, cast(Any, model.motion).start.drives, system.start)
+    before = system.poses(laid)
+    poses = unwrapped(system, before, cast(Any, model.motion).start.drives, before)
     laws = [law for law in map(model.scene.law, model.scene.loads) if law is not None]
-    check_turns_kept(system, laws, before, q)
-    frames = np.array([before, q])[:, [k + j for k in system.start.values() for j in range(BODY)]]
+    check_turns_kept(system, laws, before, poses)
+    frames = np.array([np.concatenate([*each.values()]) for each in (before, poses)])
     was, now = system.undeformed(np.full(2, laid.t), frames, 0.0 * frames)
     given = replace(laid, q=laid.q + engine.turns * whole_turns(now.q - was.q))
     asked = [k for k, (name, _) in enumerate(system.engine.layout.positions)
@@ -203,10 +202,10 @@ def _check_turns(model: Model, start: State) -> None:
     assert system is not None
     if not any(joint.clearance is not None for joint in scene.joints.values()):
         return
-    q, _ = system.frames(start)
+    poses = system.poses(start)
     for name, joint in scene.joints.items():
         if joint.clearance is not None:
-            first, second = (q[system.start[a.body] + 2] if a.body != "ground" else 0.0 for a in joint.addresses)
+            first, second = (poses[a.body][2] if a.body != "ground" else 0.0 for a in joint.addresses)
             turns = round((second - first - joint.clearance.middle) / math.tau)
             if turns:
                 raise SceneError(

@@ -11,7 +11,6 @@ import numpy as np
 
 from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import build_model, instant_of, reference_modes
-from kaneflex.scene import with_settings
 from kaneflex.scene.read import SceneLike
 from kaneflex.scene.sensors import DRIVE_KINDS
 from kaneflex.solve.loading import load, uncoupled
@@ -114,13 +113,13 @@ def _count(model: Model, size: int, count: int | None) -> int:
 
 def mesh_hint(found: Modes) -> str:
     """Note on frequencies that change by 1 % or more with twice the elements; empty if there are none."""
-    model = found.model
-    beams = {name: body.beam for name, body in model.scene.bodies.items() if body.elastic}
-    finer = {name: 2 * beam.elements for name, beam in beams.items() if beam is not None}
-    if model.options.dynamics == "coupled" or model.options.elements or not finer or max(finer.values()) > 2 * _FEW:
+    from kaneflex.solve.error_stages import with_half_elements
+
+    model, finer = found.model, with_half_elements(found.model.scene)
+    counts = {name: body.beam.elements for name, body in finer.bodies.items() if body.beam is not None}
+    if model.options.dynamics == "coupled" or model.options.elements or not counts or max(counts.values()) > 2 * _FEW:
         return ""
-    counts = [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]
-    exact = modes(with_settings(model.scene, counts), min(_LOOKED_AT, len(found.frequencies))).frequencies
+    exact = modes(finer, min(_LOOKED_AT, len(found.frequencies))).frequencies
     t = model.reference_time
     highest = math.sqrt((model.K_s(t).diagonal() / model.M(t).diagonal()).max()) / (2.0 * math.pi)
     least = max(1e-6 * exact[-1], _RIGID * highest)
@@ -128,7 +127,7 @@ def mesh_hint(found: Modes) -> str:
     if (change < _TOO_FAR).all():
         return ""
     mode = int((change > _TOO_FAR).argmax())
-    elements = " and ".join(f"{name}.elements = {count}" for name, count in finer.items())
+    elements = " and ".join(f"{name}.elements = {count}" for name, count in counts.items())
     return f"mode {mode + 1} changes by {change[mode]:.1%} with {elements}: use more elements"
 
 

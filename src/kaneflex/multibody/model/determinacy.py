@@ -151,7 +151,8 @@ def _of_joint(sensor: Sensor) -> Iterator[str]:
 
 def check_freedoms(system: System, placement: Placement) -> None:
     """Check that every freedom of a planar mechanism moves some inertia at the start of its bodies."""
-    mechanism, q = system.mechanism, np.concatenate([placement.poses[body] for body in system.start])[None]
+    mechanism = system.mechanism
+    q = np.concatenate([placement.poses[body] for body in mechanism.bodies])[None]
     (state,) = system.undeformed(np.zeros(1), q, 0.0 * q)
     check_inertia(system.engine, system.engine.chosen_at(state), mechanism.floating, mechanism.drives)
 

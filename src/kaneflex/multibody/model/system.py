@@ -251,7 +251,7 @@ class System:
         """Coordinates of these states and their rates, (n_times, speeds) each."""
         engine, layout, joints = self.engine, self.layout, self.mechanism.joints
         found, moved = np.zeros((len(q), engine.size), complex), q + 1j * _STEP * v
-        poses = {body: moved[:, BODY * k : BODY * k + BODY].T for k, body in enumerate(self.start)}
+        poses = {body: moved[:, BODY * k : BODY * k + BODY].T for k, body in enumerate(self.mechanism.bodies)}
         for body, name, fields in zip(layout.node_of, layout.inboard, engine.tables.bodies, strict=True):
             own = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
             if name is None:
@@ -260,21 +260,20 @@ class System:
                 found[:, own.start] = course(joints[name], poses)
         return found.real.copy(), found.imag / _STEP
 
-    def frames(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Frames and shapes of the bodies with their rates at a state, (size,) each; loops are not closed, and drives
-        have their courses up to whole turns."""
+    def poses(self, state: State) -> dict[str, np.ndarray]:
+        """Frames x, y, phi of the bodies at a state, (3,) each; loops are not closed, and drives have their courses up
+        to whole turns."""
         engine, turned = self.engine, dict[str, float]()
         engine.set(state)
-        found, of = self.unfold(engine.row(state.t)[None])[0], self.record
-        q = found[of.q]
+        found = engine.instants(self.unfold(engine.row(state.t)[None])).r[0]
         lost = np.where(engine.turns, whole_turns(state.q - engine.motion[0]), 0.0)  # drives now have their courses
         index, signs = [*engine.layout.node_of], engine.parts["frames"][:, SIGN]
         for body, fields, sign in zip(index, engine.tables.bodies, signs, strict=True):
             own = lost[fields[at.FIRST] : fields[at.FIRST] + fields[at.DOF]].sum()
             base = fields[at.PARENT_BODY]
             turned[body] = (turned[index[base]] if base >= 0 else 0.0) + sign * own
-            q[self.start[body] + 2] += turned[body]
-        return q, found[of.v]
+        nodes = self.layout.node_of
+        return {body: found[nodes[body]] + [0.0, 0.0, turned[body]] for body in self.mechanism.bodies}
 
     # ---- in space: positions near which records are computed ------------------------------------------------------
 

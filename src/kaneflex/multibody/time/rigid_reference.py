@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kaneflex.fem.links import Link
+from kaneflex.mechanism.joints import Poses
 from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.position_analysis import Placement
@@ -164,10 +165,10 @@ def rigid_reference(system: System, start: Placement) -> ReferenceKinematics:
     undeformed = rigid_system(alone, system.module, system.parameters)
     # one library for both: compiling another takes as long again
     undeformed = replace(undeformed, engine=replace(undeformed.engine, kind=system.engine.kind))
-    engine, frames = undeformed.engine, np.array([start.poses[body] for body in mechanism.bodies])
-    frames[:, 2] = np.arctan2(np.sin(frames[:, 2]), np.cos(frames[:, 2]))
-    frames = unwrapped(undeformed, frames.ravel(), start.drives)
-    poses = dict(zip(mechanism.bodies, frames.reshape(-1, BODY), strict=True))
+    near = ((body, *start.poses[body]) for body in mechanism.bodies)
+    wrapped = {body: np.array([x, y, np.arctan2(np.sin(angle), np.cos(angle))]) for body, x, y, angle in near}
+    engine, poses = undeformed.engine, unwrapped(undeformed, wrapped, start.drives)
+    frames = np.concatenate([*poses.values()])
     places = {name: (start.drives[name], drive.initial_speed, 0.0) for name, drive in mechanism.drives.items()}
     for body, free in mechanism.frees.items():
         moves = zip(poses[body], free.rates, np.zeros(BODY), strict=True)
@@ -192,28 +193,23 @@ def _courses(
     return Courses(times, *found)
 
 
-def unwrapped(
-    system: System, q: np.ndarray, drives: Mapping[str, float], given: Collection[str] = ()
-) -> np.ndarray:
-    """State q with full turns added to the bodies' angles, consistent with ``drives`` [rad or m], welds and guides.
+def unwrapped(system: System, poses: Poses, drives: Mapping[str, float], given: Collection[str] = ()) -> Poses:
+    """Poses with full turns added to the bodies' angles, consistent with ``drives`` [rad or m], welds and guides.
 
     Joints with springs, laws or free drives start within half a turn of their rest or start; between bodies with
     ``given`` angles they keep their turns.
     """
-    before = {name: float(q[k + 2]) for name, k in system.start.items()}
+    before = {name: float(pose[2]) for name, pose in poses.items()}
     angles = _counted(system, before, drives, _between(system, before, given))
-    q = q.copy()
-    for name, k in system.start.items():
-        q[k + 2] = angles[name]
-    return q
+    return {name: np.append(pose[:2], angles[name]) for name, pose in poses.items()}
 
 
-def check_turns_kept(system: System, laws: Collection[Law], before: np.ndarray, q: np.ndarray) -> None:
-    """Raise SceneError if springs and laws of loads have other turns in q than in the given state ``before``."""
-    was, now = ({name: float(part[k + 2]) for name, k in system.start.items()} for part in (before, q))
-    now = _between(system, now, system.start)
+def check_turns_kept(system: System, laws: Collection[Law], before: Poses, poses: Poses) -> None:
+    """Raise SceneError if springs and laws of loads have other turns at some poses than at those given ``before``."""
+    was, now = (_between(system, {name: float(pose[2]) for name, pose in each.items()}, each)
+                for each in (before, poses))  # fmt: skip
     sprung = {spring.joint for spring in system.mechanism.springs.values()}
-    for name, turned in _between(system, was, system.start).items():
+    for name, turned in was.items():
         knows = "a torsional spring" if name in sprung else "a law" if any(law.uses_any([name]) for law in laws) else ""
         if knows and round((turned - now[name]) / math.tau):
             raise SceneError(
