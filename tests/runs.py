@@ -59,10 +59,29 @@ def short(scene: str) -> Model:
     return model(scene, *SHORT.get(scene, ()))
 
 
+def counts_of(system: System) -> dict[str, tuple[int, ...]]:
+    """Body -> numbers of its axial and transverse shapes."""
+    shapes = system.layout.shapes
+    return {name: shapes[name].counts if name in shapes else (0, 0) for name in system.mechanism.bodies}
+
+
+def starts_of(system: System) -> dict[str, int]:
+    """Body -> first place of its coordinates in the frames and shapes of a planar system."""
+    counts = counts_of(system)
+    return dict(zip(counts, np.cumsum([0, *(3 + sum(own) for own in counts.values())]).tolist(), strict=False))
+
+
+def names_of(system: System) -> list[str]:
+    """Frames x, y, phi and shapes of the bodies of a planar system, by name."""
+    places = {body: system.engine.amplitudes(body)[0] for body in system.mechanism.bodies}
+    shapes = {body: [system.layout.positions[k][0] for k in own] for body, own in places.items()}
+    return [name for body, own in shapes.items() for name in (f"{body}.x", f"{body}.y", f"{body}.phi", *own)]
+
+
 def shapes_of(system: System, body: str) -> slice:
     """Places of a body's modal coordinates in the frames and shapes of a planar system."""
-    first = system.start[body] + 3
-    return slice(first, first + sum(system.counts[body]))
+    first = starts_of(system)[body] + 3
+    return slice(first, first + sum(counts_of(system)[body]))
 
 
 def folded(system: System, t: float, q: np.ndarray, v: np.ndarray) -> State:
@@ -103,7 +122,7 @@ def _section(system: System, side: Side, q: np.ndarray, v: np.ndarray) -> tuple[
     if body in layout.shapes:
         on = layout.shapes[body].carrier(side.at)
         node, place = layout.stations[body, on], place - on
-    start, own, pose, twist = system.start[body], shapes_of(system, body), place.copy(), np.zeros(3)
+    start, own, pose, twist = starts_of(system)[body], shapes_of(system, body), place.copy(), np.zeros(3)
     if own.stop > own.start:
         station = arrays["nodes"][node, of.KIND] == of.STATION
         row, numbers = (arrays[name][node if station else node + 1] for name in ("nodes", "numbers"))

@@ -11,7 +11,7 @@ from command_line import cli, refused
 from hostile_names import NAME
 from machines import BALL_ON_PLANE, FREE_CRANK, machine, scotch_yoke, slider_crank
 from numba import njit, types
-from runs import model, run, solved
+from runs import model, names_of, run, solved
 from test_c import HEADS, SHARED, built
 
 import kaneflex
@@ -48,7 +48,7 @@ def test_a_run_in_c_is_that_of_python(scene, compiler, tmp_path):
     called = {"name": NAME} if scene == SCENES[0] else {}  # which ends no comment, and is no code
     names, found = in_c(model(*scene).scene.model_copy(update=called), tmp_path, compiler, level=level)
     system = model(*scene).coupled
-    assert names == ["time", *(name for name, _ in system.coordinates), *system.constraints]
+    assert names == ["time", *names_of(system), *system.constraints]
     expected = np.column_stack([trajectory.times, trajectory.q, trajectory.multipliers])
     assert found.shape == expected.shape
     assert (abs(found - expected).max(axis=0) <= 1e-10 * abs(expected).max(axis=0)).all()

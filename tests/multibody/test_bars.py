@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from chains import bars
 from rigid_bars import hanging_chain
-from runs import solved
+from runs import solved, starts_of
 
 from kaneflex.integrate.system import Outcome
 
@@ -37,7 +37,7 @@ def test_forty_bars_keep_their_energy(long_chain):
 def test_what_holds_forty_bars_is_what_their_mass_centre_asks_for(long_chain):
     """The support's force by the second derivative of the mass centre: m x'' of every bar."""
     t, pull = long_chain.trajectory, 0.0
-    for k in long_chain.model.coupled.start.values():
+    for k in starts_of(long_chain.model.coupled).values():
         phi, omega, epsilon = t.q[:, k + 2], t.v[:, k + 2], t.a[:, k + 2]
         pull = pull + 0.025 * (t.a[:, k] - 0.0125 * (np.sin(phi) * epsilon + np.cos(phi) * omega**2))
     assert long_chain.series["pull"].values == pytest.approx(pull, abs=1e-8 * abs(pull).max())

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from places import DATA
-from runs import gaps, model, moments, shapes_of
+from runs import gaps, model, moments, names_of, shapes_of, starts_of
 
 import kaneflex
 from kaneflex import read_scene, scene_of, with_settings
@@ -38,9 +38,9 @@ def moved(engine):
 
 def inertia_forces(model, q, v, a):
     """M a - f of every body by itself, what holds, damps and weighs it included, by the body's kernel."""
-    system, found = model.coupled, np.zeros(len(model.coupled.coordinates))
+    system, found = model.coupled, np.zeros(len(names_of(model.coupled)))
     blocks = Blocks(mechanism_of(model.scene), {})
-    for name, k in system.start.items():
+    for name, k in starts_of(system).items():
         c, s, omega = np.cos(q[k + 2]), np.sin(q[k + 2]), v[k + 2]
         x, y, epsilon = a[k : k + 3] - [*model.scene.gravity, 0.0]
         p, motion = blocks.body(name, system.shapes.get(name)), (omega, c * x + s * y, c * y - s * x, epsilon)
@@ -60,10 +60,10 @@ def opened(system, t, q):
 def test_the_state_satisfies_balance_and_constraints(engine, moved):
     """Of every body's speeds: what its motion takes is what joints and gas exert, by virtual work."""
     t, q, v, a, multipliers = moved
-    system, n, h = engine.coupled, len(engine.coupled.coordinates), 1e-6
+    system, n, h = engine.coupled, len(names_of(engine.coupled)), 1e-6
     G = np.array([opened(system, t, q + step) - opened(system, t, q - step) for step in h * np.eye(n)]).T / (2 * h)
     given = np.zeros(n)
-    gas, k = engine.motion.at(t)["gas"][0], system.start["piston"]
+    gas, k = engine.motion.at(t)["gas"][0], starts_of(system)["piston"]
     given[k : k + 2] = gas * np.array(engine.scene.loads["gas"].direction)
     left = inertia_forces(engine, q, v, a)
     assert abs(left - given - G.T @ multipliers).max() < 1e-8 * abs(left).max()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from runs import moments
+from runs import counts_of, moments
 
 import kaneflex
 from kaneflex import SceneError, read_scene, with_settings
@@ -16,7 +16,7 @@ def load(name, *settings):
 
 def squares(model, link):
     """Stiffness over mass of each transverse shape, the squares of a fixed link's frequencies where it is free."""
-    number, (axial, _) = moments(model, link), model.coupled.counts[link]
+    number, (axial, _) = moments(model, link), counts_of(model.coupled)[link]
     return number["stiffness"][axial:] / np.diag(number["mass_w_w"])
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from machines import machine
-from runs import STENCIL, gaps, model, run, solved
+from runs import STENCIL, gaps, model, names_of, run, solved
 
 from kaneflex import scene_of
 from kaneflex.mechanism.wrenches import Wrench
@@ -36,7 +36,7 @@ def test_rates_are_the_derivatives_of_places():
     """Of every shape, and of points of the axis between nodes; all swings, each at its own frequency and phase."""
     given, h = model("slider-crank-150-coupled"), 2e-4
     times = 7e-3 + h * np.arange(-4, 5)
-    n = len(given.coupled.coordinates)
+    n = len(names_of(given.coupled))
     rates, phases = 60 * np.linspace(1.0, 2.0, n), 2.4 * np.arange(n)
     angle = rates * times[:, None] + phases
     q, v, a = 0.05 * np.sin(angle), 0.05 * rates * np.cos(angle), -0.05 * rates**2 * np.sin(angle)
@@ -55,7 +55,7 @@ def test_constraints_are_the_gaps_between_these_places():
     """Of every revolute joint, foreshortening included, in any state: the engine's sections against the places read."""
     given = model("slider-crank-150-coupled")
     system, joints = given.coupled, given.scene.joints
-    q = 0.1 * np.random.default_rng(5).normal(size=(1, len(system.coordinates)))
+    q = 0.1 * np.random.default_rng(5).normal(size=(1, len(names_of(system))))
     found = gaps(system, 0.0, q[0])
     motion = FloatingMotion.of(system, given.motion.at(0.0), path(system, q))
     revolute = {joint: found.addresses for joint, found in joints.items() if found.kind == "revolute"}
@@ -80,7 +80,7 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
     engine = given.coupled.engine
     engine = replace(engine, layout=replace(engine.layout, shapes=shapes))
     system = replace(given.coupled, engine=engine, shapes=shapes)
-    q, v, a = np.zeros((3, 1, len(system.coordinates)))
+    q, v, a = np.zeros((3, 1, len(names_of(system))))
     q[0, 2], v[0, 2], a[0, 2] = turn, omega, epsilon
     motion = FloatingMotion.of(system, given.motion.at(0.0), path(system, q, v, a))
     g_x, g_y = -9.81 * np.sin(turn), -9.81 * np.cos(turn)

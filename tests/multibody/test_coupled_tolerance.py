@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from machines import cantilever
-from runs import derived_on_the_fly, folded
+from runs import derived_on_the_fly, folded, names_of, starts_of
 from scipy.linalg import eigh
 
 from kaneflex import scene_of, with_settings
@@ -42,7 +42,7 @@ def discs(stiffnesses, torques):
 
 def integrated(system, start, times, tolerance, integrator):
     """Angles and speeds of the discs at ``times`` from rest at these angles, and how many steps that took."""
-    q, turns = np.zeros(len(system.coordinates)), [k + 2 for k in system.start.values()]
+    q, turns = np.zeros(len(names_of(system))), [k + 2 for k in starts_of(system).values()]
     q[turns] = start
     found = integrate(system, folded(system, times[0], q, 0.0 * q), times, Method(integrator, tolerance, 1.0))
     assert found.outcome.name == "COMPLETED"

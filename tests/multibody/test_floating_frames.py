@@ -6,7 +6,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 from machines import pendulum
-from runs import closed, gaps, shapes_of, solved
+from runs import closed, counts_of, gaps, shapes_of, solved, starts_of
 from scipy.linalg import eigh
 
 import kaneflex
@@ -100,8 +100,8 @@ def moved_state(system, q, v, seed):
     """q and v on the loops, from those of a rigid mechanism under way: its shapes deflect by per mille, and move."""
     random = np.random.default_rng(seed)
     q, v = q.copy(), v.copy()
-    for name in system.start:
-        modal, axial = shapes_of(system, name), system.counts[name][0]
+    for name in starts_of(system):
+        modal, axial = shapes_of(system, name), counts_of(system)[name][0]
         q[modal], v[modal] = 5e-3 * random.normal(size=(2, modal.stop - modal.start))
         q[modal.start : modal.start + axial] *= 0.2
         v[modal.start : modal.start + axial] *= 2.0
@@ -113,7 +113,7 @@ def moved_state(system, q, v, seed):
 def seen_from_the_end(system, other, links, q, v):
     """q and v of the reversed system in the same state, and what leads from its modal coordinates to the old ones."""
     there, rates, back = q.copy(), v.copy(), {}
-    for name in system.start:
+    for name in starts_of(system):
         if name not in links:
             continue
         link, old, new = system.links[name], system.shapes[name], other.shapes[name]
@@ -125,7 +125,7 @@ def seen_from_the_end(system, other, links, q, v):
         )
         for mine, part, by in zip((old.axial, old.transverse), mirrored, (axial, bending), strict=True):
             assert abs(mine @ by - part).max(initial=0.0) < 1e-9, name  # the same space
-        k, modal, s = system.start[name], shapes_of(system, name), axial.shape[1]
+        k, modal, s = starts_of(system)[name], shapes_of(system, name), axial.shape[1]
         b, b_rate, a, a_rate = q[modal][:s], v[modal][:s], q[modal][s:], v[modal][s:]
         there[modal] = np.concatenate([np.linalg.solve(axial, b), np.linalg.solve(bending, a)])
         rates[modal] = np.concatenate([np.linalg.solve(axial, b_rate), np.linalg.solve(bending, a_rate)])
@@ -155,7 +155,7 @@ def test_accelerations_and_reactions_know_no_direction(name):
     assert reactions_there == pytest.approx(reactions, rel=1e-7, abs=1e-9 * abs(reactions).max())
     energies = [of.engine.instants(each.record).energies[0, :2] for of, each in ((system, found), (other, mirrored))]
     assert energies[1] == pytest.approx(energies[0], rel=1e-9)
-    for body, k in system.start.items():
+    for body, k in starts_of(system).items():
         assert a_there[k + 2] == pytest.approx(a[k + 2], rel=1e-7, abs=1e-9 * abs(a).max()), body
         if body not in links:
             assert a_there[k : k + 2] == pytest.approx(a[k : k + 2], rel=1e-7, abs=1e-9 * abs(a).max()), body

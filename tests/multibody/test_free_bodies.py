@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 from machines import machine
-from runs import solved
+from runs import solved, starts_of
 
 import kaneflex
 from kaneflex import SceneError, linearise, load, with_settings
@@ -102,7 +102,7 @@ def test_two_bodies_with_a_pin_keep_the_motion_of_their_centre_and_their_spin():
     found = solved(scene_of(PAIR))
     system, trajectory = found.model.coupled, found.trajectory
     mass, length = np.array([1.0, 3.0]), np.array([1.0, 0.5])
-    rows = [system.start["one"], system.start["two"]]
+    rows = [starts_of(system)["one"], starts_of(system)["two"]]
     q, v = (np.stack([part[:, k : k + 3] for k in rows], 1) for part in (trajectory.q, trajectory.v))
     arm = 0.5 * length[:, None] * np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], -1)
     place = q[..., :2] + arm

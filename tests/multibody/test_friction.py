@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from machines import WEIGHT, block, machine, pendulum, slider_crank
+from runs import names_of
 
 from kaneflex import SceneError, linearise, load, read_scene, scene_of, with_settings
 from kaneflex.integrate.system import Outcome
@@ -286,7 +287,7 @@ def test_a_block_that_bounces_rubs_by_the_impulses_of_its_floor():
     """While it slides friction has mu times the normal impulse, which is what weight and fall have; then it sticks."""
     found = solved(FALLING, "solve.duration=0.6 s")
     t, v, record = found.times, found.trajectory.v, found.trajectory.frictions
-    names = [name for name, _ in found.model.coupled.coordinates]
+    names = names_of(found.model.coupled)
     x, y = (v[:, names.index(name)] for name in ("carriage.x", "block.y"))
     normal = 2 * (G * t + y)
     assert len(found.impacts) > 4

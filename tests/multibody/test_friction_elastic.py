@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from machines import machine
+from runs import names_of
 from test_friction import CRANK, solved
 
 STEEL = 'beam = {section = {circle = "10 mm"}, E = "210 GPa", rho = "7850 kg/m^3", elements = 4}'
@@ -35,7 +36,7 @@ def test_an_elastic_rod_without_damping_lets_its_joints_stick_and_slip(integrato
     limit, sliding = record.pressed * np.array([0.1, 0.1, 0.1, 0.15]), abs(record.speed) > 1e-9
     assert abs(record.force)[sliding] == pytest.approx(limit[sliding], rel=1e-9)
     assert (record.force * record.speed <= 0)[sliding].all()
-    crank = found.trajectory.v[:, [name for name, _ in found.model.coupled.coordinates].index("crank.phi")]
+    crank = found.trajectory.v[:, names_of(found.model.coupled).index("crank.phi")]
     assert crank[0] == pytest.approx(40) and crank[-1] < 35
     assert record.lost[-1].sum() == pytest.approx(found.trajectory.energy.dissipated[-1], rel=1e-12)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from machines import machine
-from runs import solved
+from runs import solved, starts_of
 
 from kaneflex.scene.read import scene_of
 
@@ -50,7 +50,7 @@ def test_positions_and_rates_have_values_where_the_rigid_mechanism_does_not_clos
     lost = ~np.isfinite(found.rigid["valve.y"])
     assert 10 < lost.sum() < 100 and all(np.isfinite(each.values).all() for each in series.values())
     assert not [text for text in found.warnings if "has no value" in text]
-    k = found.model.coupled.start["valve"] + 1
+    k = starts_of(found.model.coupled)["valve"] + 1
     trajectory = found.trajectory
     assert series["lift"].values == pytest.approx(trajectory.q[:, k], rel=1e-12)
     assert series["speed"].values == pytest.approx(trajectory.v[:, k], rel=1e-12)

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from machines import changed, machine
+from runs import names_of
 from scipy.integrate import solve_ivp
 from test_friction import CRANK, FALLING, ROD, solved
 
@@ -117,7 +118,7 @@ def test_an_event_just_before_an_impact_is_when_that_is():
 def test_a_block_that_falls_as_it_slides_stops_by_all_its_impulses():
     """Bounces or not: while it slides friction has mu times the impulse of the floor."""
     found = solved(BLOCK, "fall.position=50 mm", "floor.contact.restitution=0.6")
-    names = [name for name, _ in found.model.coupled.coordinates]
+    names = names_of(found.model.coupled)
     x, y = (found.trajectory.v[:, names.index(name)] for name in ("carriage.x", "block.y"))
     sliding = x > 1e-9
     assert 3 * (x - 2)[sliding] == pytest.approx(-0.3 * 2 * (G * found.times + y)[sliding], abs=1e-9)

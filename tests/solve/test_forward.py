@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from machines import machine
 from places import DOCS
-from runs import derived_on_the_fly, model
+from runs import derived_on_the_fly, model, starts_of
 
 from kaneflex.multibody.time.run import integrate
 from kaneflex.multibody.time.trajectory import by_themselves
@@ -76,7 +76,7 @@ def test_free_joints_of_an_elastic_model_have_the_courses_of_the_engine():
     """Coordinate, speed and acceleration at the ends of its steps are those of the crank that the motor drives."""
     start = model("four-bar-motor", "solve.preset=stiffened", "solve.duration=0.3 s")
     (system, state), times = start.motion.initial, start.step * np.arange(start.options.steps + 1)
-    found, k = integrate(system, state, times, method_of(start), limited=True), system.start["crank"] + 2
+    found, k = integrate(system, state, times, method_of(start), limited=True), starts_of(system)["crank"] + 2
     rows = np.concatenate([rows for rows, _ in found.curve.pieces])
     moved, there = by_themselves(system, rows), integrated(start).motion.at(rows[:, 0])
     for part, name in ((moved.q, "main.angle"), (moved.v, "crank.omega"), (moved.a, "crank.epsilon")):

@@ -142,7 +142,7 @@ def _reactions(model: Model) -> tuple[Iterable[str], Sequence[str], Collection[s
     """Bodies, joint and drive forces in the order of the record, and forces that are statically indeterminate."""
     system, motion = model.coupled, model.coupled_in_space
     if system is not None:
-        return system.start, system.constraints, system.undetermined
+        return system.mechanism.bodies, system.constraints, system.undetermined
     assert motion is not None
     system = motion.module.system
     return system.layout.node_of, system.constraints, motion.module.open_reactions

@@ -22,7 +22,7 @@ from kaneflex.multibody.model.bound_model import Model
 from kaneflex.multibody.model.building import moving
 from kaneflex.multibody.model.determinacy import check_freedoms
 from kaneflex.multibody.model.state import State
-from kaneflex.multibody.model.system import BODY, System
+from kaneflex.multibody.model.system import System
 from kaneflex.multibody.time.rigid_reference import Courses, rigid_reference
 from kaneflex.multibody.time.run import Run, integrate
 from kaneflex.multibody.time.trajectory import CURE, CoupledTrajectory
@@ -144,8 +144,8 @@ def _first_departure(motion: RigidKinematics, found: CoupledTrajectory, system: 
     """First stored instant, after the start, at which a body is not where the run has it, which continues where
     branches of a loop's motion meet; -1 without one."""
     rigid, apart = motion.at(found.times), np.zeros(len(found.times))
-    for name, k in system.start.items():
-        x, y, angle = found.q[:, k : k + BODY].T
+    for name in system.mechanism.bodies:
+        x, y, angle = (found.record[:, system.scalars[f"{name}.{part}"].column] for part in ("x", "y", "phi"))
         apart += np.hypot(rigid[f"{name}.x"] - x, rigid[f"{name}.y"] - y) / system.mechanism.size
         apart += abs(wrapped(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]) - angle))
     lost = np.flatnonzero(~(apart[1:] <= _APART))

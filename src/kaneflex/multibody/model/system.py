@@ -52,7 +52,7 @@ class System:
     """Equations of motion of a scene with its numbers.
 
     States have the coordinates of the engine: of the joints of a tree, and of shapes. In the plane, motions read from
-    them have the frames and shapes of the bodies: q, v (size,) in the order of ``coordinates``.
+    them have the frames x, y, phi and the amplitudes of the shapes of every body: q, v (size,).
 
     Attributes
     ----------
@@ -143,8 +143,9 @@ class System:
 
     @cached_property
     def record(self) -> Columns:
-        """Columns of the record: in the plane as ``coordinates`` and ``constraints`` name them, in space coordinates of
-        the bodies in the order of the tree, forces and moments of the joints, and forces of the drives."""
+        """Columns of the record: frames and shapes of the bodies, in the plane in the scene's order and forces as
+        ``constraints`` names them, in space bodies in the order of the tree, forces and moments of the joints, and
+        forces of the drives."""
         layout, kept, place = self.layout, self.engine.numbered, dict[str, int]()
         if self.in_space:
             forces = [kept.exerted.ravel(), kept.along[0, self.engine.prescribed]]
@@ -153,7 +154,7 @@ class System:
             names = [*(row for row, *_ in reactions(joint)), f"{name}.drive"]
             own = kept.exerted[0, k] if name in layout.tree else kept.multipliers[0, layout.cuts[name]]
             place |= dict(zip(names, own.tolist(), strict=False))
-        return self.engine.recorded(self.start, [np.array([place[name] for name in self.constraints], int)])
+        return self.engine.recorded(self.mechanism.bodies, [np.array([place[name] for name in self.constraints], int)])
 
     @cached_property
     def reactions(self) -> tuple[tuple[str, str, str], ...]:
@@ -208,30 +209,6 @@ class System:
                 yield f"{name}.friction_{axis}", "N", "of friction on its second body, global", column
 
     # ---- in the plane: frames of the bodies -----------------------------------------------------------------------
-
-    @cached_property
-    def counts(self) -> dict[str, tuple[int, ...]]:
-        """Body -> numbers of its axial and transverse shapes."""
-        shapes = self.layout.shapes
-        return {name: shapes[name].counts if name in shapes else (0, 0) for name in self.mechanism.bodies}
-
-    @cached_property
-    def coordinates(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit of every body's coordinates: its frame's x, y, phi, then its shapes."""
-        found: list[tuple[str, str]] = []
-        for body in self.counts:
-            found += [(f"{body}.x", "m"), (f"{body}.y", "m"), (f"{body}.phi", "rad")]
-            found += [self.layout.positions[k] for k in self.engine.amplitudes(body)[0]]
-        return tuple(found)
-
-    @cached_property
-    def start(self) -> dict[str, int]:
-        """Body -> first place of its coordinates in q."""
-        found, offset = {}, 0
-        for name, (axial, transverse) in self.counts.items():
-            found[name] = offset
-            offset += BODY + axial + transverse
-        return found
 
     @cached_property
     def free(self) -> dict[str, int]:
