@@ -20,7 +20,7 @@ from kaneflex.solve.loading import neighbour
 from kaneflex.solve.simulation import solve
 from kaneflex.study.sensitivity.parameters import find_parameters
 from kaneflex.study.sensitivity.report import _demand_some
-from kaneflex.study.sensitivity.slopes import neighbour_at, solver_of
+from kaneflex.study.sensitivity.slopes import Replay, neighbour_at
 
 STEP = 4e-4  # larger than the package's own, with differences of a higher order
 WEIGHTS = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
@@ -326,7 +326,7 @@ def test_neighbours_take_the_steps_of_the_run():
     assert len(own.curve.ends) == own.steps > 4 * len(own.times)
     assert set(own.times[1:]) <= set(own.curve.ends)
     (parameter,) = find_parameters(solution.model.scene, ["strip.E"])
-    again = solver_of(solution)(neighbour_at(solution.model, parameter, -1e-15, True)).trajectory
+    again = Replay(solution)(neighbour_at(solution.model, parameter, -1e-15, True)).trajectory
     assert (again.steps, again.rejected) == (own.steps, 0)
     np.testing.assert_array_equal(again.curve.ends, own.curve.ends)
     np.testing.assert_allclose(again.q, own.q, rtol=0, atol=1e-9 * abs(own.q).max())
@@ -343,7 +343,7 @@ def test_neighbours_in_space_take_the_steps_of_the_run(integrator):
     own, parameters = solution.model.motion.curve, find_parameters(solution.model.scene, ["rod.E", "shaft.speed"])
     assert len(own.ends) > 2 * solution.model.options.steps
     for parameter in parameters:
-        found = solver_of(solution)(neighbour_at(solution.model, parameter, 1e-8, True)).model
+        found = Replay(solution)(neighbour_at(solution.model, parameter, 1e-8, True)).model
         stretch = found.options.duration / solution.model.options.duration
         np.testing.assert_array_equal(found.motion.curve.ends, own.ends * stretch)
         assert 0 < abs(end(found.motion.curve).q - end(own).q).max() < 1e-7

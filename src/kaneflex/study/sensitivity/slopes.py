@@ -9,7 +9,7 @@ the same shares of the run, which keeps the step size control out of the differe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -69,7 +69,7 @@ def differentiated(
     """
     model = solution.model
     _refuse_relief(model, solution.times[0])
-    solver = solver_of(solution)
+    solver = Replay(solution) if model.options.dynamics == "coupled" else solve  # in the steps that the run chose
     largest = {sensor: _largest(series.values) for sensor, series in solution.series.items()}
     for parameter in parameters:
         step = _STEP
@@ -96,25 +96,21 @@ def neighbour_at(model: Model, parameter: Parameter, change: float, frozen: bool
     SceneError
         If a small change of the parameter changes the equations or the mesh, or makes the scene invalid.
     """
+
+    def refused(effect: str, cure: str) -> SceneError:
+        return SceneError(parameter.name, parameter.value, f"a small change of it {effect}", cure)
+
     try:
         scene = parameter.scaled(model.scene, 1.0 + change)
     except SceneError as error:
-        raise SceneError(
-            parameter.name, parameter.value, f"a small change of it makes the scene invalid: {error.reason}",
-            "Choose another parameter: other entries determine this one",
-        ) from None  # fmt: skip
+        cure = "Choose another parameter: other entries determine this one"
+        raise refused(f"makes the scene invalid: {error.reason}", cure) from None
     if structure_hash(scene) != structure_hash(parameter.scaled(model.scene, 1.0)):
-        raise SceneError(
-            parameter.name, parameter.value, "a small change of it changes the equations",
-            "Choose another value: the equations change at this one",
-        )  # fmt: skip
+        raise refused("changes the equations", "Choose another value: the equations change at this one")
     elements = {name: model.options.elements or model.scene.bodies[name].beam.elements for name in model.meshes}
     of = mechanism_of(scene)
     if any(len(mesh(of, name, elements[name])) != len(link.nodes) for name, link in model.meshes.items()):
-        raise SceneError(
-            parameter.name, parameter.value, "a small change of it changes the mesh",
-            "Choose another value: the number of elements changes at this one",
-        )  # fmt: skip
+        raise refused("changes the mesh", "Choose another value: the number of elements changes at this one")
     return neighbour(model, scene, frozen)
 
 
@@ -152,12 +148,6 @@ def _refuse_relief(model: Model, t: float) -> None:
 def _largest(values: np.ndarray) -> float:
     """Largest magnitude of the finite values; a rigid mechanism that does not close has none."""
     return float(abs(values[np.isfinite(values)]).max(initial=0.0))
-
-
-def solver_of(solution: Solution) -> Callable[[Model], RunResult]:
-    """Solver of the neighbours of a run: in its steps if the run chose these."""
-    model = solution.model
-    return Replay(solution) if model.options.dynamics == "coupled" else solve
 
 
 @dataclass(frozen=True, eq=False)
