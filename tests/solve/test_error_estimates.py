@@ -16,6 +16,7 @@ from kaneflex.cli import main
 from kaneflex.multibody.model import assembly
 from kaneflex.multibody.model.initial_state import choose
 from kaneflex.multibody.time import shooting
+from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.solve import coupled, coupled_corrections, error_estimates, one_way_corrections
 from kaneflex.solve.error_stages import Read
 from kaneflex.solve.initial import state_after
@@ -477,3 +478,11 @@ solve = {preset = "quasistatic", duration = 1, steps = 2}
     exact = np.mean(10 * (0.5 - x) * (1 - x) / (400 - 300 * x)) * 0.5
     off = abs(found.series["tip"].values[0] - exact)
     assert off / 3 < found.errors[0]["tip"].total < 3 * off
+
+
+def test_a_richer_run_with_contacts_is_compared_at_all_instants_without_a_copy(monkeypatch):
+    """The copy took 0.13 s of the 2 s of an estimate for engine-rig-clearance."""
+    found = solved(kaneflex.read_scene("bouncing-bar"), "solve.duration=0.1 s", "solve.steps=400")
+    monkeypatch.setattr(CoupledMotion, "taken", None)
+    estimates, reason = found.errors
+    assert reason == "" and estimates["tip"].statistics > 0.0

@@ -110,7 +110,8 @@ def _moved(read: Read, scene: Scene, options: Options, progress: Progress) -> Mo
     model = neighbour(read.model, scene, options=options) if coupled else replace(load(scene), options=options)
     as_before = options.start in ("given", "periodic") or read.times[0] != 0.0
     near = _embedded(read, model) if as_before else None
-    return _run(model, progress, near).motion.taken(read.stored * steps // given)
+    found, instants = _run(model, progress, near).motion, read.stored * steps // given
+    return found.taken(instants) if len(instants) < len(found.times) else found  # with contacts all of many
 
 
 def _run(model: Model, progress: Progress, near: SavedState | None = None) -> RunResult:
