@@ -117,17 +117,19 @@ class Joined:
     def rows(self, motion: RigidMotion, joints: Collection[str] | None = None, orders: int = 3) -> np.ndarray:
         """J and its rates at the instants of a motion, (orders, n_times, rows, tied).
 
-        ``joints``: those whose rows are computed, by default all; the others' are left at zero.
+        ``joints``: those whose rows are included, in their order, by default all.
         """
-        computed = [joint for name, joint in self.mechanism.joints.items() if joints is None or name in joints]
-        turned = {body: turning(motion, body) for body in {side.body for joint in computed for side in joint.sides}}
-        J = np.zeros((orders, len(motion.times), self.row_count, len(self.tied)), motion.values.dtype)
-        for joint in computed:
+        names = [*self.where] if joints is None else joints
+        turned = {side.body: turning(motion, side.body) for name in names for side in self.mechanism.joints[name].sides}
+        ends = np.cumsum([0, *(self.where[name].stop - self.where[name].start for name in names)])
+        J = np.zeros((orders, len(motion.times), ends[-1], len(self.tied)), motion.values.dtype)
+        for name, first, last in zip(names, ends[:-1], ends[1:], strict=True):
+            joint = self.mechanism.joints[name]
             for each, side in zip(self.coefficients(motion, joint, turned), joint.sides, strict=True):
                 point = self.point(side)
                 if point is not None:
                     of_body = each[:orders] if side.body in self.links else each[:orders] @ point[1]
-                    J[:, :, self.where[joint.name], self.places(point[0])] = of_body
+                    J[:, :, first:last, self.places(point[0])] = of_body
         return J
 
     @cached_property
@@ -258,8 +260,10 @@ class Joined:
     def tied_maps(self, motion: RigidMotion, choice: Choice, columns: np.ndarray) -> Rates3:
         """Map L and its rates at the instants of a motion: rows of tied coordinates, then springs' ends; columns of
         these independent coordinates, (3, n_times, rows, columns)."""
-        rows, following, given = choice.rows, self.places(choice.dependent), self.places(choice.independent[columns])
-        J = self.rows(motion, self._named(rows))
+        following, given = self.places(choice.dependent), self.places(choice.independent[columns])
+        joints = self._named(choice.rows)
+        J, kept = self.rows(motion, joints), [row for name in joints for row in np.r_[self.where[name]]]
+        rows = np.searchsorted(kept, choice.rows)
         L = np.zeros((3, len(motion.times), len(self.tied), len(columns)))
         L[0][:, given, np.arange(len(given))] = 1.0
         own, others = (J[:, :, rows[:, None], each] for each in (following, given))
