@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from test_friction import CRANK, FALLING, ROD, solved
 
 from kaneflex import SceneError
+from kaneflex.integrate.system import Outcome
 from kaneflex.multibody.model.layout import BENDING, OPEN
 
 G = 9.81
@@ -428,3 +429,36 @@ def test_an_elastic_bar_lands_alike_in_any_direction(exhaustive):
         x, y = (run.series[name].values[-1] for name in "xy")
         found.append([c * x + s * y, c * y - s * x])
     assert np.array(found) == pytest.approx(np.tile(found[0], (len(found), 1)), abs=1e-8)
+
+
+@pytest.mark.parametrize("friction", ["mu = 0.05", 'preload = "0.4905 N"'])
+@pytest.mark.parametrize("start", [-0.01, 0.004])
+def test_a_block_whose_guide_rubs_rests_at_a_stop_until_it_is_pulled_off(friction, start):
+    """Sticking in the guide holds what the stop holds, too: by closed forms of the way up to the stop and off it."""
+    found = solved(f"""
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+ground = {{stop = ["4 mm", 0]}}
+bodies.block = {{mass = "1 kg"}}
+joints.slide.prismatic = ["ground", "block"]
+joints.slide.direction = [1, 0]
+joints.slide.friction = {{{friction}}}
+drives.slide = {{free = true, position = {start}}}
+contacts.stop.point_on_line = ["block", "ground.stop"]
+contacts.stop.normal = [-1, 0]
+contacts.stop.contact = {{law = "newton", restitution = 0}}
+loads.push = {{force_on = "block", direction = [1, 0], law = "4 - 20 * t"}}
+sensors.x = {{position = "slide"}}
+sensors.stop = {{contact_force = "stop"}}
+sensors.rub = {{friction_force = "slide"}}
+solve = {{preset = "coupled", duration = "0.5 s", steps = 100}}
+""")
+    t, x = found.times, found.series["x"].values
+    on, off = t, np.maximum(t - (4 + 0.4905) / 20, 0)
+    expected = np.minimum(start + (4 - 0.4905) * on**2 / 2 - 20 * on**3 / 6, 0.004)
+    expected = np.where(t < 0.15, expected, 0.004 - 20 * off**3 / 6)
+    rests = (0.12 < t) & (off == 0)
+    assert found.outcome is Outcome.COMPLETED, found.message
+    assert x == pytest.approx(expected, abs=1e-9)
+    held = (found.series["stop"].values - found.series["rub"].values)[rests]
+    assert held == pytest.approx((4 - 20 * t)[rests], abs=1e-9)

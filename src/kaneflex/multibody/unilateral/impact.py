@@ -129,8 +129,8 @@ def _gather_frictions(m):
 
 @njit(**OPTIONS)
 def _fill_masses(m, A):
-    """Effective masses along the rows that may have impulses, and rounding errors of their rates by the largest speed;
-    False: singular."""
+    """Effective masses along frictions and contacts that may have impulses, and rounding errors of their rates by the
+    largest speed; False: singular."""
     no_inline()
     w, fastest = m.w, 0.0
     for b in range(m.plan[BODIES]):
@@ -140,7 +140,7 @@ def _fill_masses(m, A):
         return False
     for n in range(-frictions(m), contacts(m)):
         k = at(m, n)
-        if w[k + MAY] != 0.0:
+        if n < 0 or w[k + MAY] != 0.0:
             w[k + RESISTING_MASS] = effective_mass(m, n, A)
             w[k + ROUNDED] = NOISE * fastest * row_scale(m, n) / w[m.plan[TOUCH] + EXTENT]
     return True
@@ -242,7 +242,7 @@ def _forces(m, t, A):
     """Accelerations without contacts, and forces of the resting contacts; returns as :func:`decision.decide`, and the
     number of those that separate too slowly to bounce, and stay."""
     no_inline()
-    w, slowed, undecided = m.w, 0, 0
+    w, slowed, undecided, stopped = m.w, 0, 0, 0.0
     for n in range(contacts(m)):
         if w[at(m, n) + MET] != 0.0:
             w[at(m, n) + MODE], m.multipliers[row_at(m, n)] = OPEN, 0.0
@@ -250,10 +250,13 @@ def _forces(m, t, A):
     if not correct_accelerations(m, t, A, 1):
         return 1, 0
     m.pivots[DECIDES] = NOTHING
+    for n in range(-frictions(m), 0):  # sticking beyond its limit stops what moves without it
+        if w[at(m, n) + MODE] == STICKING:
+            stopped = larger(stopped, abs(m.multipliers[row_at(m, n)]) / w[at(m, n) + RESISTING_MASS] / row_scale(m, n))
     for n in range(-frictions(m), contacts(m)):
         k, fast = at(m, n), motion_size(m, n, 0) if n < 0 or is_rigid(m, n) else 0.0
         if n < 0 or w[k + MET] != 0.0:
-            w[k + UNSURE] = NOISE * (motion_size(m, n, 1) + fast * fast / row_scale(m, n))
+            w[k + UNSURE] = NOISE * (motion_size(m, n, 1) + fast * fast / row_scale(m, n) + stopped * row_scale(m, n))
         if n >= 0 and w[k + MET] != 0.0:
             k = fill_contact(m, n)
             w[k + ALONE], w[k + MODE] = w[k + GAP_ACCEL], CLOSED
