@@ -21,7 +21,7 @@ BASELINE = {
     "report": 5,
     "response": 18,
     "scene": 56,
-    "solve": 19,
+    "solve": 18,
     "study": 33,
     "support": 2,
 }
