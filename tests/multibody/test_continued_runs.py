@@ -171,3 +171,33 @@ def test_a_state_with_other_names_is_refused(crank):
     state = SavedState("by hand", 0.0, ("blade.x",), np.zeros(1), np.zeros(1))
     with pytest.raises(SceneError, match=r"after = 'by hand': the scene has no coordinate blade\.x"):
         run(CRANK, 0.02, 20, state)
+
+
+@pytest.mark.parametrize(("law", "bends", "says"), [
+    ('law = "hertz", stiffness = 1e5', "", ()),
+    ('law = "exact", stiffness = 1e5, restitution = 0.5', "", ("stop is closed",)),
+    ('law = "exact", stiffness = 1e5, restitution = 0.5', ', law = "lugre", bristle_stiffness = 1e4',
+     ("bristles of law lugre at slide", "stop is closed")),
+])  # fmt: skip
+def test_what_a_continued_run_does_not_know_is_warned_of(law, bends, says):
+    """Bristles and approach speeds are no part of a state: the force of a stop in an impact jumped silently."""
+    half = scene_of(f"""
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+bodies.block = {{mass = "1 kg"}}
+joints.slide.prismatic = ["ground", "block"]
+joints.slide.direction = [1, 0]
+joints.slide.friction = {{preload = "0.1 N"{bends}}}
+drives.slide = {{free = true, position = "-1 mm", initial_speed = 0.1}}
+contacts.stop.point_on_line = ["block", "ground"]
+contacts.stop.normal = [-1, 0]
+contacts.stop.contact = {{{law}}}
+sensors.x = {{position = "slide"}}
+solve = {{preset = "coupled", duration = "13 ms", steps = 13, errors = "none"}}
+""")
+    model = kaneflex.load(half)
+    first = solve(model)
+    second = solve(model, after=first)
+    assert first.trajectory.contacts.force[-1, 0] > 0
+    assert not first.warnings and len(second.warnings) == len(says)
+    assert all(any(word in warning for warning in second.warnings) for word in says)

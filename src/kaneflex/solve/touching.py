@@ -122,6 +122,21 @@ def undetermined_frictions(solution: RunResult) -> list[str]:
     return found
 
 
+def begun_anew(solution: RunResult) -> list[str]:
+    """Warnings of bristles, and of closed contacts with an approach speed, that a continued run does not know."""
+    scene, curve = solution.model.scene, getattr(solution.trajectory, "curve", None)
+    if getattr(curve, "turned", None) is None or solution.model.options.start == "periodic":
+        return []
+    found = [f"bristles of law lugre at {name} begin undeflected, since the earlier run's deflection is not continued"
+             for name, friction in scene.frictions.items() if friction.law == "lugre"]  # fmt: skip
+    record = record_of(solution)
+    for k, name in enumerate(() if record is None else record.names):
+        assert record is not None
+        if record.force[0, k] > 0.0 and scene.contacts[name].law not in ("hertz", "kelvin-voigt", "newton"):
+            found.append(f"{name} is closed where the run begins: its law guesses the approach speed from the depth")
+    return found
+
+
 def labelled_frictions(solution: RunResult) -> tuple[dict[str, Entry], dict[str, Entry]]:
     """Coordinates and variables of frictions: ``friction_force`` etc. over time and ``friction``, of pins
     ``pin_torque`` etc. over ``pin``."""

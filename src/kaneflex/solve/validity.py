@@ -60,9 +60,9 @@ def validity_warnings(solution: RunResult, frequencies: Sequence[float]) -> list
     if coupled:
         found += [*_loose_tolerance(solution, moved), *_left_ringing(solution)]
         found += [*_missing_values(solution), *_jammed(solution)]
-        from kaneflex.solve.touching import off_their_lines, undetermined_frictions
+        from kaneflex.solve.touching import begun_anew, off_their_lines, undetermined_frictions
 
-        found += [*off_their_lines(solution), *undetermined_frictions(solution)]
+        found += [*off_their_lines(solution), *undetermined_frictions(solution), *begun_anew(solution)]
     if not len(solution.times):
         return found
     bends, lengths = model.options.dynamics == "coupled", {name: link.length for name, link in model.meshes.items()}
