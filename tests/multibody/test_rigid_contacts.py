@@ -325,3 +325,15 @@ def test_backlash_with_rigid_flanks_rattles_by_its_closed_form():
     assert solution.trajectory.energy.drift < 1e-9
     told = printed(solution.model.scene, parts(solution.model.scene))
     assert "2 deg from the middle, rigid, law newton, restitution 0.5" in told
+
+
+def test_what_lies_on_its_base_but_for_rounding_presses_on_it_from_the_start():
+    solution = solved(machine(
+        gravity=WEIGHT, bodies=dict(block="length = 5, mass = 2"),
+        joints=dict(up="prismatic ground block, direction = [0, 1]"),
+        drives=dict(up="free = true, position = 1e-16"),
+        contacts=dict(floor='point_on_line = ["block", "ground"], normal = [0, 1], '
+                            'contact = {law = "newton", restitution = 0}'),
+        sensors=dict(push="contact_force floor"), solve=dict(preset="coupled", duration="1 ms", steps=2),
+    ))  # fmt: skip
+    assert solution.series["push"].values == pytest.approx(2 * 9.81)

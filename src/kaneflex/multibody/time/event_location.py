@@ -140,7 +140,7 @@ def begin(m, t):
             still = abs(rate) <= slow and w[k + GAP] <= zero
             w[k + SHIFT] = 8.0 * zero if still and not pressed else 0.0
             if still and pressed:
-                w[k + GAP_RATE] = 0.0  # which rounding must not let part first
+                w[k + GAP], w[k + GAP_RATE] = smaller(w[k + GAP], 0.0), 0.0  # which rounding must not let part first
             aim = _time_to_close(gap_of(m, n), rate, bent)
             aim += 3.0 * EPS * larger(abs(t), aim)
             # too short a time to leave a gap of rounding size
