@@ -38,7 +38,7 @@ _LEADER = 20.0
 """From this distance on a thin line leads from the label to its point, in points."""
 
 
-class Standing:
+class PlacedScene:
     """A scene in the plane at a placement, or in space at the first instant of a motion."""
 
     def __init__(self, scene: Scene, placed: Rigid) -> None:
@@ -154,12 +154,12 @@ def _hit(low: np.ndarray, high: np.ndarray, lower: np.ndarray, upper: np.ndarray
     return np.count_nonzero(meets[..., 0] & meets[..., 1], axis=-1)
 
 
-def sensors_by_place(stand: Standing) -> list[tuple[str, np.ndarray, list[str]]]:
+def sensors_by_place(pose: PlacedScene) -> list[tuple[str, np.ndarray, list[str]]]:
     """Places at which sensors measure: (address or joint, place [mm], names), in the scene's order."""
     found: dict[str, tuple[np.ndarray, list[str]]] = {}
-    for name, sensor in stand.scene.sensors.items():
-        key, ends = _measured_at(stand.scene, sensor)
-        found.setdefault(key, (np.mean([stand.at(end) for end in ends], axis=0), []))[1].append(name)
+    for name, sensor in pose.scene.sensors.items():
+        key, ends = _measured_at(pose.scene, sensor)
+        found.setdefault(key, (np.mean([pose.at(end) for end in ends], axis=0), []))[1].append(name)
     return [(key, at, names) for key, (at, names) in found.items()]
 
 

@@ -25,7 +25,7 @@ from kaneflex.plots.drawing import (
     hatched,
     small_drawings,
 )
-from kaneflex.plots.marks import SENSOR, Labels, Standing, listed, mark_sensors, sensors_by_place
+from kaneflex.plots.marks import SENSOR, Labels, PlacedScene, listed, mark_sensors, sensors_by_place
 from kaneflex.plots.mechanism import Rigid, body_lines, joint_axes, rigid_outline, rigid_scenery
 from kaneflex.plots.outlines import FLAT, Scenery, name_axes, seen
 from kaneflex.plots.style import PALETTE, new_figure, wrapped
@@ -57,24 +57,24 @@ def scheme(scene: Scene, placed: Rigid) -> Figure:
     """The drawing of a scene at one configuration: a placement in the plane, the first instant of a motion in space."""
     fixed = rigid_scenery(scene, placed)
     drawn = rigid_outline(scene, placed, fixed)
-    stand = Standing(scene, placed)
+    pose = PlacedScene(scene, placed)
     figure = new_figure(_LARGEST[0], _LARGEST[1], "", layout="none")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     shape = np.array(frame_axes(axes, [drawn], fixed, _ROOM))
     title = picture_text(f"{scene.name}: {scene.description}" if scene.description else scene.name)
-    sensors = sensors_by_place(stand)
+    sensors = sensors_by_place(pose)
     below = _arrange(figure, axes, shape, title, listed(sensors), 0.0 if fixed.flat else _FLAT_VIEWS)
-    axes.set_title(_configuration(scene, stand))
+    axes.set_title(_configuration(scene, pose))
     ground = draw_scenery(axes, fixed, drawn)
     for (kind, name), line in draw_outline(axes, drawn, 0, colour=ELASTIC).lines.items():
         if kind == "links":
             line.set_marker("none")  # marks stand for nodes here
-            _mark_nodes(axes, stand, name)
+            _mark_nodes(axes, pose, name)
     bodies = (*drawn.links.values(), *drawn.bars.values(), *drawn.boxes.values())
     labels = Labels(axes, [*(MM * part[0] for part in bodies), *ground])
     if not fixed.flat:
         _draw_flat_views(figure, scene.bodies, body_lines(scene, placed), below)
-    _Parts(stand, fixed, axes, labels).draw()
+    _Parts(pose, fixed, axes, labels).draw()
     mark_sensors(axes, labels, sensors)
     labels.place()
     return figure
@@ -148,8 +148,8 @@ def _arrange(figure: Figure, axes: Axes, shape: np.ndarray, title: str, listed: 
     return below / total[1]
 
 
-def _configuration(scene: Scene, stand: Standing | Placement) -> str:
-    places = {name: 0.0 if abs(value) < ROUNDING else value for name, value in stand.drives.items()}
+def _configuration(scene: Scene, pose: PlacedScene | Placement) -> str:
+    places = {name: 0.0 if abs(value) < ROUNDING else value for name, value in pose.drives.items()}
     words = mechanism_of(scene).written(places)
     return fill(f"at {words}", _TOLD) if words else ""
 
@@ -157,9 +157,9 @@ def _configuration(scene: Scene, stand: Standing | Placement) -> str:
 class _Parts:
     """Names and symbols of everything but the sensors."""
 
-    def __init__(self, stand: Standing, fixed: Scenery, axes: Axes, labels: Labels):
-        self.scene, self.stand, self.axes, self.labels = stand.scene, stand, axes, labels
-        self.size, self.at = MM * fixed.size, stand.at
+    def __init__(self, pose: PlacedScene, fixed: Scenery, axes: Axes, labels: Labels):
+        self.scene, self.pose, self.axes, self.labels = pose.scene, pose, axes, labels
+        self.size, self.at = MM * fixed.size, pose.at
 
     def draw(self) -> None:
         for name in self.scene.bodies:
@@ -195,8 +195,8 @@ class _Parts:
     def _joints(self) -> None:
         """Names of joints, one label a place."""
         here: dict[tuple[float, ...], list[str]] = {}
-        for ends in joint_axes(self.scene, self.stand.placed, self.size / MM):
-            self.axes.plot(*(MM * self.stand.view @ ends.T), color="0.35", linestyle="-.", linewidth=0.9, zorder=2)
+        for ends in joint_axes(self.scene, self.pose.placed, self.size / MM):
+            self.axes.plot(*(MM * self.pose.view @ ends.T), color="0.35", linestyle="-.", linewidth=0.9, zorder=2)
         for name, joint in self.scene.joints.items():
             at = self.at(joint.addresses[1])
             here.setdefault(tuple(np.round(at, 6)), []).append(name)
@@ -220,7 +220,7 @@ class _Parts:
             self._turning(name, DRIVE, text, way=-1 if back else 1, style=style)
             return
         first, second = self.scene.joints[name].addresses  # an arrow along the guide, from the point that slides
-        start, along = self.at(second), self.stand.direction(first.body, self.scene.joints[name].given_axes[0])
+        start, along = self.at(second), self.pose.direction(first.body, self.scene.joints[name].given_axes[0])
         end = start + (-1.0 if back else 1.0) * 2.0 * _ARC * self.size * along
         self.axes.plot(*np.stack([start, end], axis=-1), color=DRIVE, linestyle=style, zorder=4.6)
         self._arrow(end - 1e-3 * (end - start), end, DRIVE)
@@ -232,7 +232,7 @@ class _Parts:
         """An arrow around a joint, clockwise with ``way`` = -1."""
         centre = self.at(self.scene.joints[joint].addresses[0])
         turn = np.radians(np.linspace(-60.0, 200.0, 40))
-        arc = (centre + radius * self.size * self.stand.around(joint, turn))[::way]
+        arc = (centre + radius * self.size * self.pose.around(joint, turn))[::way]
         self._arrow(arc[-3], arc[-1], colour)
         self._line(arc, text, colour, 1.6, 4.6, style)
 
@@ -252,7 +252,7 @@ class _Parts:
 
     def _towards(self, load: Load, body: str) -> np.ndarray:
         """Direction of a load in the drawing."""
-        return self.stand.direction(body if load.axes == "body" else GROUND, load.direction)
+        return self.pose.direction(body if load.axes == "body" else GROUND, load.direction)
 
     def _force(self, name: str) -> None:
         load = self.scene.forces[name]
@@ -279,7 +279,7 @@ class _Parts:
             line = start + np.outer(share, along) + 0.02 * self.size * np.outer(swing, across)
         else:
             turn = np.linspace(0.0, 5.0 * np.pi, 90)
-            around = self.stand.around(str(spring.torsional_at), turn)
+            around = self.pose.around(str(spring.torsional_at), turn)
             centre = self.at(self.scene.joints[spring.torsional_at].addresses[0])
             line = centre + 1.2 * _ARC * self.size * (turn / turn[-1])[:, None] * around
         self._line(line, name, "#555555", 1.2, 3.8)
@@ -290,7 +290,7 @@ class _Parts:
         first, second = (self.at(address) for address in contact.sides)
         radii, middle = [(second, contact.touching)], first
         if contact.kind == "point-line":
-            n = self.stand.direction(contact.sides[0].body, contact.direction)
+            n = self.pose.direction(contact.sides[0].body, contact.direction)
             n /= np.hypot(*n)
             along = 1.5 * _ARC * self.size * np.array([n[1], -n[0]])
             middle = first + MM * (contact.reach - contact.touching) * n
@@ -310,7 +310,7 @@ class _Parts:
         g = np.array(self.scene.gravity)
         (left, _), (_, top) = self.axes.get_xlim(), self.axes.get_ylim()
         middle = np.array([left, top]) + 0.5 * _ROOM * self.size * np.array([1.0, -1.0])
-        g = self.stand.view @ g
+        g = self.pose.view @ g
         half = 0.35 * _ROOM * self.size * g / np.hypot(*g)
         self._arrow(middle - half, middle + half, "#555555")
         self.labels.block(np.linspace(middle - half, middle + half, 12))
@@ -328,10 +328,10 @@ class _Parts:
         self.axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=style, zorder=4.7)
 
 
-def _mark_nodes(axes: Axes, stand: Standing, name: str) -> None:
+def _mark_nodes(axes: Axes, pose: PlacedScene, name: str) -> None:
     """The nodes of an elastic link between its ends."""
-    scene = stand.scene
+    scene = pose.scene
     nodes = mesh(mechanism_of(scene), name, scene.bodies[name].beam.elements)[1:-1]
-    points = np.array([stand.point(name, scene.vector((float(x), 0.0))) for x in nodes]).reshape(-1, 2)
+    points = np.array([pose.point(name, scene.vector((float(x), 0.0))) for x in nodes]).reshape(-1, 2)
     style: dict[str, Any] = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgecolor": ELASTIC}
     axes.plot(*points.T, linestyle="none", zorder=3.3, **style)

@@ -32,7 +32,7 @@ from kaneflex.multibody.model.module_loading import bind_parameters
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE
-from kaneflex.multibody.time.curves import Followed, Standing
+from kaneflex.multibody.time.curves import AtStart, DrivenCurve
 from kaneflex.multibody.time.rigid_reference import ReferenceKinematics, rigid_reference
 from kaneflex.multibody.time.spatial_motion import CoupledKinematics, SpatialKinematics, SpatialMotion, before_run
 from kaneflex.multibody.time.spring_displacements import overturned
@@ -208,7 +208,7 @@ def _bound(system: System, scene: Scene, options: Options) -> SpatialKinematics:
         return with_open_reactions(before_run(module, start, first), scene.sensors, options)
     if module.FREE:
         return with_open_reactions(_kinematics_at_rest(module, start), scene.sensors, options)
-    motion = SpatialKinematics(module, system.parameters, Followed(system, start))
+    motion = SpatialKinematics(module, system.parameters, DrivenCurve(system, start))
     _check_bushings(motion, options)
     return with_open_reactions(motion, scene.sensors, options)
 
@@ -234,7 +234,7 @@ def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tupl
 def _kinematics_at_rest(module: ComputedModule, start: State) -> SpatialKinematics:
     """Kinematics of a mechanism in space that stays in its initial state."""
     system = module.system
-    return SpatialKinematics(module, system.parameters, Standing(system, start))
+    return SpatialKinematics(module, system.parameters, AtStart(system, start))
 
 
 def with_open_reactions(motion: Moving, sensors: Mapping[str, Sensor], options: Options) -> Moving:

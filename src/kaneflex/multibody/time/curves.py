@@ -53,7 +53,7 @@ class Curve(ABC):
         return found
 
 
-class Standing(Curve):
+class AtStart(Curve):
     """Start of a mechanism, before free joints or shapes are integrated."""
 
     def __init__(self, system: System, start: State) -> None:
@@ -67,7 +67,7 @@ class Standing(Curve):
         return np.tile(self.system.work.kept, (len(times), 1))
 
 
-class Followed(Curve):
+class DrivenCurve(Curve):
     """Curve of a mechanism whose drives determine its position: loops are followed step by step.
 
     Raises SceneError if they do not close; it names the time.
@@ -162,7 +162,7 @@ def steps_between(places: np.ndarray, names: Sequence[str]) -> np.ndarray:
     return steps.astype(int)
 
 
-class Beside(Curve):
+class ReferenceCurve(Curve):
     """Curve of the rigid mechanism beside a deforming one, with its independent coordinates, speeds and accelerations.
 
     Dependent coordinates are NaN where loops don't close, or redundant constraints are violated. ``near``: function of
@@ -182,7 +182,7 @@ class Beside(Curve):
         return engine.unfold(engine.rows_of(times, *self.near(times)), near)
 
 
-class Ahead(Beside):
+class ReferenceBeforeRun(ReferenceCurve):
     """The same before a run: ``near`` gives the independent coordinates, and the others at the start, from which the
     loops are followed."""
 

@@ -26,7 +26,7 @@ from kaneflex.multibody.model.assembly import rigid_system
 from kaneflex.multibody.model.computed_module import ComputedModule
 from kaneflex.multibody.model.state import NONE, State
 from kaneflex.multibody.model.system import BODY, System
-from kaneflex.multibody.time.curves import Ahead, Beside, Curve, Followed
+from kaneflex.multibody.time.curves import Curve, DrivenCurve, ReferenceBeforeRun, ReferenceCurve
 from kaneflex.multibody.time.floating_motion import FloatingMotion
 from kaneflex.multibody.time.trajectory import Pieces
 from kaneflex.scene.laws import Law
@@ -102,7 +102,7 @@ class ReferenceKinematics(RigidKinematics):
             frames = zip(*map(moving.body, module.system.mechanism.bodies), strict=True)
             poses, rates, _ = (np.concatenate(parts).T for parts in frames)
             beside = _courses(module.system, moving.times, poses, rates, [*map(moving.coordinate, module.FREE)])
-            curve = Beside(module.system, curve.start, beside.at)
+            curve = ReferenceCurve(module.system, curve.start, beside.at)
         found = replace(self, curve=curve, run=None)
         if not moving.shapes:
             found = replace(found, run=FloatingMotion.of(moving.system, found.at(moving.times), moving.record))
@@ -177,7 +177,7 @@ def rigid_reference(system: System, start: Placement) -> ReferenceKinematics:
     first = _courses(undeformed, np.zeros(1), frames[None], 0.0 * frames[None], given)
     state = State(0.0, first.q[0], first.u[0], first.du[0], engine.sizes.copy(), NONE)
     state = replace(state, choice=engine.chosen_at(state, [*undeformed.free.values()]))
-    curve = Ahead(undeformed, state, first.at) if mechanism.free else Followed(undeformed, state)
+    curve = ReferenceBeforeRun(undeformed, state, first.at) if mechanism.free else DrivenCurve(undeformed, state)
     start = replace(start, poses=poses)
     return ReferenceKinematics(ComputedModule(undeformed), engine.p, curve, start, system.links)
 

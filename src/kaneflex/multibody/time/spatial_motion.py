@@ -21,7 +21,7 @@ from kaneflex.multibody.model.initial_state import choose, least_singular_values
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_layout import COORDINATE
-from kaneflex.multibody.time.curves import Beside, Curve, Followed, Standing
+from kaneflex.multibody.time.curves import AtStart, Curve, DrivenCurve, ReferenceCurve
 from kaneflex.multibody.time.sections import DeformingMotion
 
 _FAR = 1.0
@@ -42,7 +42,7 @@ class SpatialKinematics(RigidKinematics):
 
     @property
     def is_start(self) -> bool:  # type: ignore[override]
-        return isinstance(self.curve, Standing)
+        return isinstance(self.curve, AtStart)
 
     @property
     def initial(self) -> tuple[System, State]:
@@ -197,7 +197,7 @@ class CoupledKinematics(SpatialKinematics):
             found = engine.instants(curve.rows(times))
             return found.q[:, q], found.u[:, u], found.du[:, u]
 
-        beside = Beside(rigid.module.system, replace(rigid.curve.start, t=curve.start.t), near)
+        beside = ReferenceCurve(rigid.module.system, replace(rigid.curve.start, t=curve.start.t), near)
         beside.turned = curve.turned
         return replace(self, curve=curve, rigid=replace(rigid, curve=beside))
 
@@ -205,7 +205,7 @@ class CoupledKinematics(SpatialKinematics):
         """States at ``times`` [s] with zero shapes at rest: by the drives if these prescribe them, else by the motion.
         """
         if not self.module.FREE:
-            return list(map(Followed(system, start_of(system)), times.tolist()))
+            return list(map(DrivenCurve(system, start_of(system)), times.tolist()))
         return [self._at_rest(system, self.curve(t)) for t in times.tolist()]
 
     def _at_rest(self, system: System, found: State) -> State:
@@ -221,10 +221,10 @@ def before_run(module: ComputedModule, start: State, first: State) -> CoupledKin
     state."""
     system, p = module.system, module.system.parameters
     alone = rigid_system(system.mechanism, system.module, p, coupled=True)
-    rigid = SpatialKinematics(ComputedModule(alone), p, Followed(alone, start_of(alone)))
+    rigid = SpatialKinematics(ComputedModule(alone), p, DrivenCurve(alone, start_of(alone)))
     if not module.FREE:
-        return CoupledKinematics(module, p, Followed(system, start), first, rigid)
-    found = CoupledKinematics(module, p, Standing(system, first), first, rigid)
+        return CoupledKinematics(module, p, DrivenCurve(system, start), first, rigid)
+    found = CoupledKinematics(module, p, AtStart(system, first), first, rigid)
     return found.along(found.curve)
 
 
