@@ -106,6 +106,32 @@ def test_a_torsional_spring_at_a_drive_counts_whole_turns():
     np.testing.assert_allclose(solution.series["m"].values, expected, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.parametrize("preset", ["rigid", "coupled"])
+def test_a_torsional_spring_at_a_joint_without_a_drive_counts_turns_under_coupled_only(preset):
+    """A crank turns three times at the end of its coupler: links of 0.1, 0.3 and 0.25 m on a base of 0.35 m."""
+    solution = solve(f"""
+schema = 1
+ground = {{post = [0.35, 0]}}
+bodies.crank = {{length = 0.1, mass = 1}}
+bodies.coupler = {{length = 0.3, mass = 1}}
+bodies.rocker = {{length = 0.25, mass = 1}}
+joints.main = {{revolute = ["ground", "crank"]}}
+joints.pin = {{revolute = ["crank.end", "coupler"]}}
+joints.post = {{revolute = ["ground.post", "rocker"]}}
+joints.last = {{revolute = ["coupler.end", "rocker.end"]}}
+drives.main = {{speed = 10}}
+springs.coil = {{torsional_at = "pin", stiffness = 0.5, angle = 1}}
+sensors.torque = {{spring_torque = "coil"}}
+solve = {{preset = "{preset}", duration = 2, steps = 200}}
+""")
+    crank = np.exp(10j * solution.times)
+    across = 0.35 - 0.1 * crank  # from the crank's end to the post
+    beside = np.arccos((abs(across) ** 2 + 0.3**2 - 0.25**2) / (2 * abs(across) * 0.3))
+    angle = np.unwrap(np.angle(across) + beside - 10 * solution.times) - 1
+    expected = angle if preset == "coupled" else np.angle(np.exp(1j * angle))
+    np.testing.assert_allclose(solution.series["torque"].values, 0.5 * expected, atol=1e-9)
+
+
 def test_a_free_bar_on_a_spring_keeps_its_energy():
     solution = solve(
         BAR
