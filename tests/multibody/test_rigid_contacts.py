@@ -337,3 +337,20 @@ def test_what_lies_on_its_base_but_for_rounding_presses_on_it_from_the_start():
         sensors=dict(push="contact_force floor"), solve=dict(preset="coupled", duration="1 ms", steps=2),
     ))  # fmt: skip
     assert solution.series["push"].values == pytest.approx(2 * 9.81)
+
+
+def test_a_run_that_an_event_ends_has_no_later_impacts():
+    """A block falls by 0.5 m and stops the run on its way up again, before it bounces six more times."""
+    solution = solved(machine(
+        gravity=WEIGHT, bodies=dict(block="length = 5, mass = 2"),
+        joints=dict(up="prismatic ground block, direction = [0, 1]"),
+        drives=dict(up="free = true, position = 0.5"),
+        contacts=dict(floor='point_on_line = ["block", "ground"], normal = [0, 1], '
+                            'contact = {law = "newton", restitution = 0.5}'),
+        sensors=dict(height="position block y"),
+        events=dict(back='sensor = "height", value = 0.1, direction = "up", stop = true'),
+        solve=dict(preset="coupled", duration="1 s", steps=20),
+    ))  # fmt: skip
+    fall, up = math.sqrt(1 / 9.81), 0.5 * math.sqrt(9.81)
+    assert solution.times[-1] == pytest.approx(fall + (up - math.sqrt(up**2 - 2 * 9.81 * 0.1)) / 9.81, rel=1e-9)
+    assert [impact.begin for impact in solution.impacts] == pytest.approx([fall], rel=1e-9)

@@ -45,7 +45,11 @@ def until_stop(solution: RunResult) -> RunResult:
     end = min(stops)
     found = solution.at(np.append(solution.times[solution.times < end], end))
     words = f"{solution.trajectory.outcome.value}; the event {stops[end]} ended the run at t = {end:.9g} s"
-    return replace(found, trajectory=replace(found.trajectory, message=words))
+    trajectory, contacts = replace(found.trajectory, message=words), getattr(found.trajectory, "contacts", None)
+    if contacts is not None:  # the run went on to the next stored instants
+        before = tuple(impact for impact in contacts.impacts if impact.begin <= end)
+        trajectory = replace(trajectory, contacts=replace(contacts, impacts=before))
+    return replace(found, trajectory=trajectory)
 
 
 def _gap(solution: RunResult, event: Event) -> np.ndarray:
