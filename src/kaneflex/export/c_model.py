@@ -260,7 +260,8 @@ _NUMBERS = """/* {NAME}_PARAMETERS numbers, then the blocks of the tables. */
 extern const double {name}_p[];
 """
 _DECLARED = """
-/* The linear equations and the initial state of the scene's run. */
+/* The linear equations and the initial state of the scene's run, for the numbers above. Only numbers of drives and
+ * loads may be changed, as lengths and masses are also in constants. Another start than zero then no longer fits. */
 extern const kaneflex_linear {name}_linear;
 #define {NAME}_MEMORY KANEFLEX_LINEAR_MEMORY({sizes})
 
