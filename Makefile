@@ -50,7 +50,7 @@ SLOW_PLANAR := stick-slip bouncing-bar,contacts.stop.contact.law=newton,contacts
 	bouncing-bar elastic-double-pendulum CONTACT_SPACE
 SLOW_SPATIAL := spinning-top spatial-slider-crank-elastic spatial-slider-crank-elastic,solve.preset=coupled \
 	rotating-blade,solve.preset=coupled,solve.start=zero,solve.duration=0.01,loads.push.value=none,loads.push.law=step(t) \
-	engine HOLD_SPACE
+	engine FRICTION_SPACE
 
 # One thread a process, since the tests run one process a core. The kernels are compiled before these start, each once:
 # two that fill numba's cache at the same time would both compile them, and can overwrite each other's entries. Each

@@ -51,8 +51,7 @@ MODE_SIZE = 2
 ABOVE, BELOW, STAYS = 1.0, -1.0, 0.0
 """MEMORY of a switch: the laws' side of zero, or that it stays at zero."""
 (
-    # Gap, or position of a friction [m or rad], with two rates.
-    GAP, GAP_RATE, GAP_ACCEL,
+    GAP, GAP_RATE, GAP_ACCEL,  # gap, or position of a friction [m or rad], with two rates
     # Of friction: normal force, largest holding force, previous force, and largest g of bristles since the sides touch.
     NORMAL, LIMIT, BEFORE, FIRMEST,
     # Force and stored energy; mode, what belongs to it, and its change at the end of this step.
@@ -61,15 +60,13 @@ ABOVE, BELOW, STAYS = 1.0, -1.0, 0.0
     ALLOWED, STIFF, VISCOUS, RESISTING_MASS,
     # Of the current impact: its time, approach speed, impulse, peak force, previous loss and place.
     SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE, BEGAN_X, BEGAN_Y, BEGAN_Z,
-    # First number of the step's nodes: of a contact each has gap, rate, force and the force's sign.
-    NODES,
+    NODES,  # first number of the step's nodes: of a contact each has gap, rate, force and the force's sign
 ) = range(25)  # fmt: skip
 """Numbers of a row."""
 (
     # Rates before and after, impulse, rounding error of its rate, and 1 if its mode is to be found.
     OLD, NEW, STRUCK, ROUNDED, MAY,
-    # Of a contact: acceleration without contacts, least rate after the impact, and 1 if it touches.
-    ALONE, BOUNCE, MET,
+    ALONE, BOUNCE, MET,  # of a contact: acceleration without contacts, least rate after the impact, and 1 if it touches
     # 1 if it does not bounce, and if it was at rest; a negligible rate, and the rounding error of its acceleration.
     STICKS, RESTED_BEFORE, QUIET, UNSURE,
 ) = range(NODES + 8, NODES + 20)  # fmt: skip
@@ -91,14 +88,11 @@ stored energy; its gap is the first one."""
     PRECISION, EXTENT, FLIGHT,
     # A change in search: steps before and after it, the next trial, its contact and kind.
     LOW, HIGH, TRIAL, TARGET, FOUND_AT,
-    # Time of the last change, and number of changes at that instant.
-    LAST_CHANGE, IN_A_ROW,
+    LAST_CHANGE, IN_A_ROW,  # time of the last change, and number of changes at that instant
     # One more than the number of a switch that its load's law would hold at zero; 1 if other contacts rest than before.
     HELD, RESTED,
-    # Number of searches for a change; predicted step [s] to the next contact of rigid sides.
-    TRIES, AIM,
-    # First of the rows' gradients.
-    SHARED,
+    TRIES, AIM,  # number of searches for a change; predicted step [s] to the next contact of rigid sides
+    SHARED,  # first of the rows' gradients
 ) = range(15)  # fmt: skip
 """Numbers that all contacts share."""
 AXIS_AT, COORDINATE_AT = 8, 9
@@ -121,73 +115,58 @@ them."""
 (
     # Counts: bodies, coordinates, reactions (of the cuts, then of contacts), rows of cuts and frictions, rows of cuts.
     BODIES, COORDINATES, REACTIONS, CUT_ROWS, JOINT_ROWS,
-    # Contacts with reactions (all if some are by Newton's law), works, kept rows.
-    RIGID, WORKS, KEPT,
+    RIGID, WORKS, KEPT,  # contacts with reactions (all if some are by Newton's law), works, kept rows
     # 1 if shapes are among the dependent coordinates; number of nodes, the first ones, that no dependent one moves.
     BENDS, LED,
-    # Number of coordinates with virtual inertia, each a row of the factors.
-    VIRTUAL,
-    # First places in ``acts``, and the end.
-    CUTS, FRICTIONS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS,
+    VIRTUAL,  # number of coordinates with virtual inertia, each a row of the factors
+    CUTS, FRICTIONS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS,  # first places in ``acts``, and the end
     # Counted by compiled code: rows of the factors beside the kept ones, and loads and springs with slopes there.
     YIELDING, SLOPED,
     # 1 if the step is near a change point; 1 if the residuals of the stages are forces, 0 if accelerations, in space.
     PASSING, BY_FORCES,
-    # Places in ``w``. Motion: coordinates, rates, accelerations.
-    Y, RATE, ACCEL,
+    # Places in ``w``.
+    Y, RATE, ACCEL,  # motion: coordinates, rates, accelerations
     # Courses; drives' coordinates and two rates, then sides of switches; loads' sizes, springs, sums of a cut's row.
     COURSE, X, SIZE, SPRING, SUMS,
-    # Reactions, residuals of coordinates, powers.
-    NOW, DEMAND, POWER,
+    NOW, DEMAND, POWER,  # reactions, residuals of coordinates, powers
     # Unit of every coordinate; errors allowed in it, its rate and its acceleration.
     MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE,
-    # Additions to the loads' sizes, then to prescribed accelerations.
-    INPUT,
-    # Gradient of the kept rows, its dependent square, their right-hand side.
-    GRADIENT, LOOP, SIDE,
+    INPUT,  # additions to the loads' sizes, then to prescribed accelerations
+    GRADIENT, LOOP, SIDE,  # gradient of the kept rows, its dependent square, their right-hand side
     # Places in ``plan``: pivots of that square, number of every kept row, cut or contact of every row, dependent
     # coordinate of every kept row.
     LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
     # Places in ``w``: contacts, after the frictions' numbers; shared numbers of contacts; of change points; impacts.
     CONTACT, TOUCH, CROSSING, IMPACTS,
-    # What rigid contacts exert now (``codes.NOTHING`` and others).
-    DECIDES,
+    DECIDES,  # what rigid contacts exert now (``codes.NOTHING`` and others)
     # Place in ``plan``: coordinates with virtual inertia, then contacts and frictions (below zero) in the factors.
     FACTOR_ROWS,
     # Places in ``w``, of the middle of a step: matrices I, E and L of the bodies at their inboard sections.
     INERTIAS, COUPLINGS, MASSES,
     # Axes of joints, twists of sections by shapes, places and arms of bodies (:mod:`kaneflex.multibody.dynamics.tree`).
     AXES, PHI, PLACES, ARMS,
-    # Arms of sections, and of cut rows.
-    MIDDLE, MIDDLE_CUT,
+    MIDDLE, MIDDLE_CUT,  # arms of sections, and of cut rows
     # Of the stages: accelerations, reactions, powers, rates of courses, accelerations of frictions.
     STAGE_A, STAGE_R, STAGE_P, STAGE_C, STAGE_F,
-    # Accelerations and reactions of the last step; residuals of the stages.
-    LAST_A, LAST_R, RESISTING,
+    LAST_A, LAST_R, RESISTING,  # accelerations and reactions of the last step; residuals of the stages
     # Gradients of joints' coordinates and springs, and partial velocities of loads; slopes of loads and springs; sizes
     # of loads elsewhere (:mod:`kaneflex.multibody.dynamics.load_derivatives`).
     WAYS, SLOPES, VARIED,
     # Places in factors: I, E, L, U and D of the tree, twists of its bodies, working space.
     TREE_I, TREE_E, TREE_L, TREE_U, TREE_D, TREE_X, TREE_WORK,
-    # Coordinates by unit reactions of the kept rows, and in the row after these the solution.
-    COLUMNS,
-    # The reactions' effect on the rows; reactions; required accelerations of frictions.
-    SCHUR, REACTION, WANTED,
+    COLUMNS,  # coordinates by unit reactions of the kept rows, and in the row after these the solution
+    SCHUR, REACTION, WANTED,  # the reactions' effect on the rows; reactions; required accelerations of frictions
     # Responses to a unit of each load and spring with slopes, their matrix, their forces.
     SLOPE_COLUMNS, SLOPE_SQUARE, SLOPE_FORCES,
     # Places in ``plan``: 1 for every coordinate that no course prescribes; pivots of either factors.
     FREED, PIVOTS, PAIR_PIVOTS,
-    # Loads and springs with slopes, and the pivots of their matrices.
-    WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS,
-    # Coordinate that each course prescribes, -1 if it is that of a cut.
-    PRESCRIBED,
+    WITH_SLOPES, SLOPE_PIVOTS, SLOPE_PAIR_PIVOTS,  # loads and springs with slopes, and the pivots of their matrices
+    PRESCRIBED,  # coordinate that each course prescribes, -1 if it is that of a cut
     # In space: place in ``w`` of residuals of the stages as reactions; places in factors of accelerations and reactions
     # given for the right-hand side; place in ``plan`` of pivots of the stages' mass matrices, and number of their rows.
     RESISTING_R, GIVEN, GIVEN_REACTION, MASS_PIVOTS, MASS_ROWS,
-    # Forces and moments of loads in ``acts``: the first one, and their end.
-    PUSHES, PUSHED,
-    # Number of places.
-    PLAN,
+    PUSHES, PUSHED,  # forces and moments of loads in ``acts``: the first one, and their end
+    PLAN,  # number of places
 ) = range(100)  # fmt: skip
 """Places of ``plan``: counts, places in ``acts``, ``w`` and factors, and places in ``plan`` itself."""
 

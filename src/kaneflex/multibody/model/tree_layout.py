@@ -23,23 +23,19 @@ FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
 FREE = BALL
 """In the plane a node with three freedoms moves along x and y and turns; there are no balls."""
 (
-    # Kind, parent, first coordinate and first speed.
-    KIND, PARENT, COORDINATE, SPEED,
+    KIND, PARENT, COORDINATE, SPEED,  # kind, parent, first coordinate and first speed
     # Where the numbers of a body that has mass begin in ``block``, else -1; number of shapes of a body that deforms.
     BODY, COUNT,
     # Where the numbers of a station begin in ``block``: in space N and psi, (3, COUNT) each, then of G the number of
     # its columns (3,) that are not zero, and each with its two shapes before it, i >= j. Of a node of shapes those of
     # its joint's section, from which they move the axes back, -1 if they don't.
     AT,
-    # First row in ``phi`` of a node that shapes move, else -1; number in ``bodies`` of a node's body.
-    ROW_OF, OWNER,
-    # In the plane 1 if a point away from its origin or a direction has its axes, else these are not computed.
-    AXED,
+    ROW_OF, OWNER,  # first row in ``phi`` of a node that shapes move, else -1; number in ``bodies`` of a node's body
+    AXED,  # in the plane 1 if a point away from its origin or a direction has its axes, else these are not computed
 ) = range(10)  # fmt: skip
 """Columns of ``nodes``."""
 (
-    # Node of a body's axes, and the one that it hangs on, or -1.
-    AXES_NODE, HUNG_ON,
+    AXES_NODE, HUNG_ON,  # node of a body's axes, and the one that it hangs on, or -1
     # Node whose twist is the body's for :mod:`kaneflex.multibody.dynamics.articulated`: the last of its joint where
     # shapes turn the axes back from it.
     TWIST_NODE,
@@ -50,8 +46,7 @@ FREE = BALL
 (
     # Last node of its chain, or -1 outside the tree; -1 if the tree passes from its second body to its first, else 1.
     LAST_NODE, SIDE,
-    # Node of its second point, or -1 on the ground; its rows among those of the cuts.
-    CARRIER, FIRST_ROW, LAST_ROW,
+    CARRIER, FIRST_ROW, LAST_ROW,  # node of its second point, or -1 on the ground; its rows among those of the cuts
 ) = range(5)  # fmt: skip
 """Columns of ``joints``."""
 PLACE, AXIS, SHIFT = slice(-9, -6), slice(-6, -3), slice(-3, None)

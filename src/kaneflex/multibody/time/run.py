@@ -166,7 +166,7 @@ class Run(RunCurve):
         """Outcome if a law would have to hold its switch at zero; None otherwise."""
         name = held(self.engine, self.system.module)
         cure = "Use friction of a joint in place of the law"
-        return (Outcome.CASCADE, f"after {{at}} the law of loads.{name} {HOLDS}. {cure}") if name else None
+        return (Outcome.CASCADE, f"after {{at}} the law of loads.{name} {_BACK_AND_FORTH}. {cure}") if name else None
 
     def _reason(self, ended: int) -> tuple[Outcome, str] | None:
         """Outcome if bushings turn too far, the damping of bristles exceeds the force that their contact can give, or,
@@ -355,7 +355,7 @@ TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}
 
 BENT_FAR = "Give fewer solve.modes, or divide bodies with such large bending into several welded ones"
 """Advice if a coupled motion cannot continue: equations of the second order in the shapes fail for large bending."""
-HOLDS = "switches back and forth: on both sides of its jump the motion returns to it, as with a brake at rest"
+_BACK_AND_FORTH = "switches back and forth: on both sides of its jump the motion returns to it, as with a brake at rest"
 """Problem of a law that would have to hold its switch at zero."""
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a fully stretched linkage"
 _ENDED = {
