@@ -143,7 +143,7 @@ class Placed(NamedTuple):
     """Part with its map L from the mechanism's coordinates.
 
     ``at``: sites on which the part acts, with the matrices (size, dofs) from the displacement and rotation there to the
-    part's coordinates; these are global in the plane, those of a rigid body are of its start; none of a link.
+    part's coordinates; these are global in the plane, those of a rigid body are of its start; a link has none.
     """
 
     part: Part

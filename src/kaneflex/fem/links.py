@@ -353,7 +353,7 @@ def craig_bampton(
     modes : int
         Fixed-interface modes to keep.
     frozen : ndarray (size, reduced size), optional
-        A basis to reduce to instead, of a link with the same coordinates and held rows.
+        Another basis to reduce to, from a link with the same coordinates and held rows.
 
     Returns
     -------

@@ -50,7 +50,7 @@ class Numbers:
     damping: Damping | None
 
     def point(self, address: Address) -> Any:
-        """Position of a point [m] in its body's axes; of a fixed point in global axes."""
+        """Position of a point [m] in its body's axes; for a fixed point in global axes."""
         return self.points[address.body][address.point]
 
     def turns_at(self: Any, name: str) -> bool:
@@ -195,6 +195,6 @@ def mesh(mechanism: Any, link: str, elements: int, also: Collection[float] = ())
 
 
 def _apart(stops: Collection[float], length: float) -> list[float]:
-    """Sorted stops; of coinciding stops the first."""
+    """Sorted stops; coinciding stops count as the first."""
     ordered = sorted(stops)
     return [x for k, x in enumerate(ordered) if k == 0 or x - ordered[k - 1] > SAME * length]

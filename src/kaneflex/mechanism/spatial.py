@@ -44,7 +44,7 @@ class SpatialBody:
 
 @dataclass(frozen=True)
 class Side:
-    """Point of a body in its axes [m], of a deforming one at the end of an ``arm`` that turns with its section."""
+    """Point of a body in its axes [m]; in a deforming one at the end of an ``arm`` that turns with its section."""
 
     body: str
     at: tuple[float, ...]

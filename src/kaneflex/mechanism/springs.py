@@ -17,7 +17,7 @@ from kaneflex.support.errors import SceneError
 class Spring(NamedTuple):
     """Spring with a damper between two points [N/m, N s/m] or at a revolute joint [N m/rad, N m s/rad].
 
-    ``free`` is the free length [m], or the free angle [rad] of the joint's second body relative to the first. Of a
+    ``free`` is the free length [m], or the free angle [rad] of the joint's second body relative to the first. For a
     bushing in space stiffness and damping are six numbers each, along and about the axes of its first body.
     """
 

@@ -41,7 +41,7 @@ def library(kind: Kind, integrates: bool = True) -> Library:
     """C functions of all entries by name, all compiled on the first call.
 
     Libraries of mechanisms with contacts, impacts, friction, elastic bodies in space or discontinuous loads have more
-    functions. Of rigid bodies in space without ``integrates`` they are fewer, and compile faster.
+    functions. For rigid bodies in space without ``integrates`` they are fewer, and compile faster.
     """
     integrates = integrates or kind is not Kind.RIGID_SPACE
     name, entries = kind.name.lower() if integrates else "prescribed", entries_of(kind, integrates)

@@ -39,7 +39,7 @@ _DASHES = ((0, ()), (0, (5, 2.5)), (0, ()), (0, (5, 2.5)))
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
-    """``clearance_JOINT`` for every joint with a clearance, of a run by equations that know it."""
+    """``clearance_JOINT`` for every joint with a clearance, if the run's equations contain it."""
     if record_of(solution) is None:
         return {}
     shown, found = view(solution), {}

@@ -213,7 +213,8 @@ class _Pose:
         return place + self.factor * self.motion.displacement(body, at)[0][: len(at)]
 
     def _point(self, body: str, at: Vector) -> np.ndarray:
-        """Global position of a body's point, displaced, (2 or 3, n_times); of a link's on the line that is drawn."""
+        """Global position of a body's point, displaced, (2 or 3, n_times); for a link it lies on the line that is
+        drawn."""
         if body not in self.axes:
             return np.asarray(frame_of(self.rigid, body).place(self._moved(body, at)))
         share = at[0] / (self.scene.bodies[body].length or 1.0) * (ALONG_LINK - 1)

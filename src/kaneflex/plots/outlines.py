@@ -67,7 +67,7 @@ class Outline:
     links : mapping of str to ndarray (n_times, n_points, 2)
         Axis of each elastic link.
     bars : mapping of str to ndarray (n_times, n_points, 2)
-        Path through the used points of each rigid body, and the guides that it carries; of elastic links a stiff arm
+        Path through the used points of each rigid body, and the guides that it carries; for elastic links a stiff arm
         from the axis to each used point that does not lie on it, by the link's name and a number.
     boxes : mapping of str to ndarray (n_times, n_corners, 2)
         Closed outline of the body on each guide, by the guide's joint.
@@ -125,7 +125,7 @@ def aligned(view: np.ndarray) -> bool:
 
 
 def name_axes(axes: Axes, view: np.ndarray, label: str) -> None:
-    """Names of the axes of a view along an axis, in place of the braces of a label; of another view none."""
+    """Names of the axes of a view along an axis, in place of the braces of a label; other views get none."""
     if aligned(view):
         across, up = ("xyz"[k] for k in view.argmax(axis=1))
         axes.set(xlabel=label.format(across), ylabel=label.format(up))

@@ -63,7 +63,8 @@ def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
-    """``orders`` of a periodic run; of others ``spectra`` of accelerations, accelerometers first, and axial forces."""
+    """``orders`` of a periodic run; for other runs ``spectra`` of accelerations, accelerometers first, and axial
+    forces."""
     if solution.model.options.cycles:
         return orders(solution)
     times, sensors = solution.times, solution.model.scene.sensors

@@ -111,7 +111,7 @@ def _heading(swept: Sweep) -> str:
 
 
 def _short(mode: str) -> str:
-    """The name of a rotor's mode by its first letter, like F1; of another as it is."""
+    """The name of a rotor's mode by its first letter, like F1; another name stays as it is."""
     return mode if mode.startswith("mode") else f"{mode[0].upper()}{mode.split()[-1]}"
 
 

@@ -48,7 +48,7 @@ _DASHES = ((0, ()), (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)))
 """Line styles: later curves have more gaps, so that earlier ones remain visible."""
 _SERIES = "_series"
 _MOST_SECTIONS = 9
-"""Panels of sections; of more points some are taken at equal distances."""
+"""Panels of sections; of more points, some at equal distances are taken."""
 
 
 def trade(found: Trade) -> Figure:

@@ -285,7 +285,7 @@ def legend_above(axes: Axes) -> None:
 
 
 def legend_beside(axes: Axes, *entries: list) -> None:
-    """A legend to the right of the panel, for names that are long or many; of other handles and names if given."""
+    """A legend to the right of the panel, for names that are long or many; ``entries``: other handles and names."""
     axes.legend(*entries, loc="upper left", bbox_to_anchor=(1.0, 1.05), borderaxespad=0.2, handlelength=1.6)
 
 

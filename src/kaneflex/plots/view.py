@@ -145,7 +145,7 @@ class View:
 
 
 def view(solution: Solution) -> View:
-    """The instants to draw: all, of a long run those of the last turns.
+    """The instants to draw: all, or the last turns of a long run.
 
     Writing a picture merges points of a line that are closer than a ninth of a pixel (matplotlib's ``path.simplify``).
     """

@@ -37,7 +37,7 @@ class Statistics(NamedTuple):
 
 
 def statistics(values: np.ndarray, times: np.ndarray) -> Statistics:
-    """Statistics of values at times [s], both (n_times,), at least one; of the finite ones if there are any."""
+    """Statistics of values at times [s], both (n_times,), at least one; infinite ones count only if all are."""
     return statistics_of_all({"values": values}, times)["values"]
 
 

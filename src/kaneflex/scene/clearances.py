@@ -157,7 +157,7 @@ class ClearanceContact(Contact):
 
     @property
     def room(self) -> float:
-        """Distance to first touch from the middle of the clearance [m], of flanks [rad]."""
+        """Distance to first touch from the middle of the clearance [m], for flanks [rad]."""
         clearance = self.clearance
         if clearance.angle is not None:
             return clearance.angle

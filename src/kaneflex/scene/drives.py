@@ -109,7 +109,7 @@ class Drive(SceneTable):
         return self.angle if self.position is None else self.position
 
     def coordinate(self, t: np.ndarray | float) -> np.ndarray | float:
-        """Coordinate at times t [s], in rad, or m for a guide; of a free joint that at t = 0.
+        """Coordinate at times t [s], in rad, or m for a guide; for a free joint that at t = 0.
 
         Raises Fault for a law or a table that can't be read.
         """

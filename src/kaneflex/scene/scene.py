@@ -218,7 +218,7 @@ class Scene(SceneTable):
         return (*given, 0.0) if self.is_spatial and len(given) == 2 else tuple(given)
 
     def point(self, address: Address) -> Vector:
-        """Position of a point in m, in its body's axes; of a fixed point in global axes."""
+        """Position of a point in m, in its body's axes; for a fixed point in global axes."""
         if address.body == "ground":
             return self.vector((0.0, 0.0) if address.point == "origin" else self.ground[address.point])
         return self.vector(self.bodies[address.body].points_all[address.point])

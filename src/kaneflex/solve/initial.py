@@ -146,7 +146,7 @@ def check_penetration(model: Model) -> None:
 
 
 def _gaps(model: Model, system: System) -> list[float]:
-    """Gap of every contact at the start [m], of flanks [rad]."""
+    """Gap of every contact at the start [m], for flanks [rad]."""
     if system.in_space:
         rigid = model.motion.at(0.0)
         return [float(rigid[f"{name}.gap"][0]) for name in model.scene.contacts]
@@ -161,7 +161,7 @@ def _gaps(model: Model, system: System) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class SavedState:
-    """All coordinates of a coupled system at one time, of a ball in space the components of its unit quaternion.
+    """All coordinates of a coupled system at one time, for a ball in space the components of its unit quaternion.
 
     Attributes
     ----------

@@ -195,7 +195,7 @@ def _relieved(
 
 
 def rate_of(values: np.ndarray, step: float, periodic: bool) -> np.ndarray:
-    """Central differences of fourth order; of second order, one-sided, at the ends of a motion without period."""
+    """Central differences of fourth order; at the ends of a motion without period one-sided ones of second order."""
     if not periodic:
         inner = np.gradient(values, step, axis=0, edge_order=min(2, len(values) - 1))
         if len(values) > 4:

@@ -132,7 +132,7 @@ class RunResult:
 
     @cached_property
     def coordinates(self) -> Rates:
-        """Coordinates z, z', z'' of the mechanism, each (n, n_times); of coupled runs amplitudes of the shapes."""
+        """Coordinates z, z', z'' of the mechanism, each (n, n_times); for coupled runs amplitudes of the shapes."""
         return self.motion.coordinates
 
     def state(self, instant: int = -1) -> dict[str, dict[str, float]]:

@@ -138,7 +138,7 @@ def begun_anew(solution: RunResult) -> list[str]:
 
 
 def labelled_frictions(solution: RunResult) -> tuple[dict[str, Entry], dict[str, Entry]]:
-    """Coordinates and variables of frictions: ``friction_force`` etc. over time and ``friction``, of pins
+    """Coordinates and variables of frictions: ``friction_force`` etc. over time and ``friction``, for pins
     ``pin_torque`` etc. over ``pin``."""
     record = _rubbing(solution)
     coordinates: dict[str, Entry] = {}
@@ -194,7 +194,7 @@ def _of_kind(solution: RunResult, record: RowRecord, names: list[str], kind: str
         f"{kind}_gap": (both, record.gap[:, columns], {
             "units": ("m", "rad")[turns], "long_name": f"gap between the sides of a {kind}",
             "comment": "negative by the penetration"
-            + ("" if turns else "; of a circle in a circle the clearance less the eccentricity"),
+            + ("" if turns else "; for a circle in a circle the clearance less the eccentricity"),
         }),
         f"{kind}_{push}": (both, record.force[:, columns], {
             "units": ("N", "N m")[turns], "long_name": f"normal {push} of a {kind}",
@@ -237,8 +237,8 @@ def _in_clearances(solution: RunResult) -> dict[str, Entry]:
     both, names = ("time", "clearance"), list(solution.model.scene.loose)
     places = np.array([solution.motion.clearance(name) for name in names])
     about = {
-        "clearance_x": ("m", "position of a pin in its bearing along x, global; of a block along its guide"),
-        "clearance_y": ("m", "position of a pin in its bearing along y, global; of a block across its guide"),
+        "clearance_x": ("m", "position of a pin in its bearing along x, global; for a block along its guide"),
+        "clearance_y": ("m", "position of a pin in its bearing along y, global; for a block across its guide"),
         "clearance_angle": ("rad", "angle of a pin's body relative to its bearing's; tilt of a block in its guide"),
     }
     if solution.model.in_space is not None:

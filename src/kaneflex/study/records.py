@@ -31,7 +31,7 @@ class Record:
     outcome, reason : str
         Outcome of the run, and the reason if it was not completed.
     statistics : mapping of str to tuple of float
-        Sensor -> STATISTICS in SI; of completed points only.
+        Sensor -> STATISTICS in SI; for completed points only.
     labels : mapping of str to tuple of str
         Sensor -> unit and meaning.
     times : ndarray or None

@@ -25,7 +25,7 @@ def c_compiler() -> list[str]:
 
 
 def shared_library(command: Sequence[str], texts: Mapping[str, str], flags: Sequence[str] = ()) -> bytes:
-    """Content of the shared library of C files by name; of those that end with ``.c``, others are included by them.
+    """Content of the shared library of C files by name: those that end with ``.c``, which include the others.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Compiled functions as shared libraries from a C compiler, which takes an eighth of numba's time.
 
 The C is printed from the functions that numba compiles where there is no C compiler. A library depends on its sources
-and on the platform; of the processor's instructions it uses few. Python calls it without importing numba.
+and on the platform; it uses few of the processor's instructions. Python calls it without importing numba.
 """
 
 from __future__ import annotations

@@ -141,7 +141,7 @@ def read_market(path: str, shapes: Collection[tuple[int, int]] = (), wanted: str
 def _of_market(
     body: np.ndarray, shape: tuple[int, int], entries: int | None, pattern: bool, symmetry: str
 ) -> csc_array:
-    """The matrix of the numbers below the head of a Matrix Market file; ``entries`` is None of a full one.
+    """The matrix of the numbers below the head of a Matrix Market file; ``entries`` is None for a full one.
 
     SciPy's own reader reads beyond the end of a file whose lines are torn, and ends the process.
     """

@@ -3,7 +3,7 @@
 Particles replace a beam's sections: the rotation psi of a section is the -u / Y of its fibres, so that the integrals
 of X psi dJ become those of -Y u, and a shape's kinetic energy is that of all of its displacements. To the second order
 a particle moves as that of a beam in the mean does: this line shortens by bending, and in space its sections move their
-fibres by turning. That is what a slender body asks for; of a compact one it is small.
+fibres by turning. A slender body needs that; for a compact one it is small.
 """
 
 from __future__ import annotations
@@ -187,8 +187,8 @@ class MeanSections:
     def second(self, r: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """G (3, n, n) [1/m] of particles at r (n_places, 3), summed with weights (n_places,).
 
-        The line shortens by the integral of v' v' + w' w' from the link's first section; of what a fibre at Y, Z of a
-        turned section moves by see :attr:`kaneflex.multibody.model.shapes.Shapes.moments`.
+        The line shortens by the integral of v' v' + w' w' from the link's first section. For the
+        displacement of a fibre at Y, Z of a turned section see :attr:`kaneflex.multibody.model.shapes.Shapes.moments`.
         """
         x, y, z = r.T
         turns = self.turns(x)

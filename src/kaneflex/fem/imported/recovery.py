@@ -92,7 +92,7 @@ def read_stresses(link: ImportedMesh, path: str, names: str, units: tuple[float,
     link : ImportedMesh
         Link whose displacements are the columns, in the order of the nodes.
     path : str
-        Matrix Market file: xx, yy, zz, xy, yz, zx of one place after the other; of links whose nodes have two
+        Matrix Market file: xx, yy, zz, xy, yz, zx of one place after the other; for links whose nodes have two
         translations xx, yy, xy.
     names : str
         Text file with the name of one place per line.

@@ -49,7 +49,7 @@ See :class:`Work` for those that Python reads; others are
 
 @dataclass(eq=False)
 class Instants:
-    """Record of an instant by names, n nodes, s speeds; of many instants, which are then the first axis.
+    """Record of an instant by names, n nodes, s speeds; arrays of many instants have these as first axis.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Instants:
     touching : ndarray (n_unilateral, 7)
         Of frictions, contacts and switches, see :func:`kaneflex.multibody.unilateral.frictions.record`.
     sizes : ndarray (n_loads,)
-        Of the loads; behind the record follow those of switches.
+        Sizes of the loads; behind the record follow those of switches.
     """
 
     q: np.ndarray

@@ -104,7 +104,7 @@ def leaves_branch(m, table, h, state):
 
 @njit(**OPTIONS)
 def fastest(m, row):
-    """Largest rate in units of each coordinate [1/s], of coordinates that move a kept row; of all if it is -1."""
+    """Largest rate in units of each coordinate [1/s], of coordinates that move a kept row, or of all if it is -1."""
     plan, w, most = m.plan, m.w, 0.0
     for i in range(plan[COORDINATES]):
         if row < 0 or m.J[plan[COORDINATES] * row + i] != 0.0:

@@ -49,7 +49,8 @@ def joint_forces(m):
 
 @njit(**OPTIONS)
 def _joint_force(m, joint):
-    """Force of a joint of the tree on its second body, by the joint's rows, then along its coordinate; zero of others.
+    """Force of a joint of the tree on its second body, by the joint's rows, then along its coordinate; zero for other
+    joints.
 
     If the outer body is the first one, its normal force has the guide's arm besides.
     """

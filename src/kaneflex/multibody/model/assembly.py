@@ -41,7 +41,7 @@ Views = dict[str, tuple[int, tuple[int, ...]]]
 def build_system(
     scene: Scene, progress: Callable[[str], None], modes: int | None = None, elements: int | None = None
 ) -> tuple[System, float]:
-    """Find or derive the module of a scene's laws, and bind its numbers; of rigid bodies without ``modes``, else see
+    """Find or derive the module of a scene's laws, and bind its numbers; for rigid bodies without ``modes``, else see
     :func:`bound_system`.
 
     Returns the system and the seconds spent on deriving its module.

@@ -144,7 +144,7 @@ class Model:
 
     @property
     def coupled_in_space(self) -> CoupledKinematics | None:
-        """The motion of a mechanism in space under preset ``coupled``, which has its shapes; None of others."""
+        """The motion of a mechanism in space under preset ``coupled``, which has its shapes; None for others."""
         return cast("CoupledKinematics", self.in_space) if self.options.dynamics == "coupled" else None
 
     @property
@@ -154,7 +154,7 @@ class Model:
 
     @property
     def meshes(self) -> Mapping[str, Link]:
-        """Elastic links with their finite elements; of a coupled mechanism in space those of its shapes."""
+        """Elastic links with their finite elements; for a coupled mechanism in space those of its shapes."""
         if self.coupled_in_space is None:
             return self.links
         return self.coupled_system.links

@@ -1,4 +1,4 @@
-"""Numbers by which compiled functions and Python tell each other outcomes and choices."""
+"""Codes of outcomes and choices, shared by compiled functions and Python."""
 
 from __future__ import annotations
 

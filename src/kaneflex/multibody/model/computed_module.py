@@ -63,8 +63,8 @@ class ComputedModule:
         """Joints with tabulated coordinates: in the plane the driven ones, in space those of the tree with one
         coordinate, driven, free and observed ones.
 
-        With several freedoms it is the first, of a cylindrical joint its rotation; of a ball the angle of its rotation,
-        from 0 to pi.
+        With several freedoms it is the first, for a cylindrical joint its rotation; for a ball the angle of its
+        rotation, from 0 to pi.
         """
         mechanism, tree = self.system.mechanism, self.system.layout.tree
         if not self.system.in_space:

@@ -19,7 +19,7 @@ from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism
 
 _FREE = 0.5 + 1e-9
-"""Share, squared, of an axis in the free rotations of a joint, above which the body turns freely about it."""
+"""Squared share of an axis in the free rotations of a joint, above which the body turns freely about it."""
 _PLANES = ((1, 5, "z", 1.0), (2, 4, "y", -1.0))
 """Places of displacement and rotation among a node's motions in either plane of bending, the rotation's axis, and its
 sign where the link turns about it."""

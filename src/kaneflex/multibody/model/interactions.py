@@ -52,7 +52,7 @@ def _sections(builder: TreeBuilder, of: Any) -> list[int]:
 
 
 def _friction_acts(builder: TreeBuilder, others: int) -> list[Row]:
-    """Rows of frictions, of joints and then of contacts; ``others``: number of interactions that are neither frictions
+    """Rows of friction in joints, then of contacts; ``others``: number of interactions that are neither frictions
     nor contacts.
 
     In space a contact's friction has two rows, along the slip and across it. The latter are the first ones, so that

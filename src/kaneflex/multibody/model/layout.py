@@ -76,8 +76,8 @@ MODE_BEFORE, MEMORY_BEFORE = STICKS, QUIET
 PLACE, SLIP, SLIP_RATE = GAP, GAP_RATE, GAP_ACCEL
 BY_SPEED, DECAY, BY_PRESS, JAMS = ALLOWED, RESISTING_MASS, SINCE, APPROACH
 """Numbers of a friction in place of these: position along its row, speed and acceleration there; derivatives of the
-bristles' rate by speed, by deflection (negative) and by normal force; time when it first jammed. Of bristles a node has
-speed, g, deflection, force."""
+bristles' rate by speed, by deflection (negative) and by normal force; time when it first jammed. For bristles a node
+has speed, g, deflection, force."""
 BREAKAWAY = FIRMEST
 """Numbers of sticking friction, which has no bristles: the force at which it slips."""
 RESULTS, FORCE_AT, STORED_AT = 7, 2, 4

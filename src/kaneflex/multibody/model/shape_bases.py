@@ -118,7 +118,7 @@ def _inertial(stiffness: Matrix, mass: Matrix, loads: np.ndarray, loose: np.ndar
 
 
 def _axial_loads(link: Link, node: int, swings: bool) -> np.ndarray:
-    """A uniform acceleration, and a centrifugal one about a node; of a link that swings about it this one first."""
+    """A uniform acceleration, and a centrifugal one about a node; for a link that swings about it this one first."""
     found = np.zeros((link.dofs * len(link.nodes), 2))
     found[:: link.dofs, 0], found[:: link.dofs, 1] = 1.0, link.nodes - link.nodes[node]
     return found[:, ::-1] if swings else found

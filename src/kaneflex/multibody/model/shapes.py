@@ -36,7 +36,7 @@ class Shapes:
     link : Link
     basis : ndarray (dofs n_nodes, count)
         Orthogonal with respect to mass and stiffness; the largest displacement of each is one, of twist the rotation.
-        Zero where the link's axes are held, but for turns about freed ones; of free axes without momentum.
+        Zero where the link's axes are held, but for turns about freed ones. With free axes the shapes have no momentum.
     counts : tuple of int
         Shapes of each kind, which follow each other in ``basis``: axial and transverse; in space of stretch, of bending
         in either plane, and of twist.
@@ -252,8 +252,8 @@ class ShapeMoments:
     r_G : ndarray (3, 3, count, count)
         Of r G dm [kg].
     line : tuple or None
-        Of a straight beam along x that is pinned: place of the pin [m], and integral of its squared distance [kg m^2];
-        None of other bodies.
+        For a straight beam along x that is pinned: place of the pin [m], and integral of its squared distance [kg m^2];
+        None for other bodies.
     """
 
     N: np.ndarray

@@ -54,8 +54,8 @@ _IRREGULAR = 0.381966
 class Deforming:
     """Scalars ``BODY.link.NAME`` of a rigid motion for the elastic stage, beside frames.
 
-    Of an elastic link SPATIAL_LINK_SCALARS, jumps of its axial force, and loads on its nodes; of a rigid body the same
-    accelerations, ARMS, and its loads. ``map`` has the parts' coordinates.
+    For an elastic link SPATIAL_LINK_SCALARS, jumps of its axial force, and loads on its nodes; for a rigid body the
+    same accelerations, ARMS, and its loads. ``map`` has the parts' coordinates.
     """
 
     mechanism: SpatialMechanism
@@ -270,7 +270,7 @@ def undetermined(found: SpatialMap, motion: SpatialMotion) -> frozenset[str]:
     """Names of the forces and moments of joints and drives that are statically indeterminate at some instants of a
     motion.
 
-    As :func:`kaneflex.multibody.model.determinacy.undetermined`, of a mechanism whose links deform.
+    As :func:`kaneflex.multibody.model.determinacy.undetermined`, for a mechanism whose links deform.
     """
     joined, names, units = found.joined, set[str](), {name: unit for name, unit, _ in motion.system.reactions}
     J, where = joined.rows(motion), joined.where

@@ -281,7 +281,7 @@ class System:
         return (*self.mechanism.drives, *self.mechanism.observed)
 
     def node(self, joint: str) -> int:
-        """Number of the node with a joint's first coordinate; of a cylindrical joint, its rotation."""
+        """Number of the node with a joint's first coordinate; for a cylindrical joint, its rotation."""
         return leading(self.engine.parts["nodes"], self.layout.tree[joint])
 
     def columns(self, names: Sequence[str], what: int) -> np.ndarray:

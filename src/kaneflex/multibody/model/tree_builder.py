@@ -27,7 +27,7 @@ Row = tuple[int, ...]
 
 
 def side_of(point: BodyPoint | Side) -> Side:
-    """Point of a body, of a planar one as in space."""
+    """Point of a body, in the plane as in space."""
     if isinstance(point, Side):
         return point
     x, y = map(float, point.at)

@@ -163,6 +163,6 @@ class Layout:
 
 
 def leading(nodes: Sequence[Sequence[int]] | np.ndarray, chain: tuple[tuple[int, ...], int]) -> int:
-    """Node with the first coordinate of a joint of the tree; of a cylindrical joint, its rotation."""
+    """Node with the first coordinate of a joint of the tree; for a cylindrical joint, its rotation."""
     ordered = chain[0][:: chain[1]]
     return next((node for node in ordered if nodes[node][KIND] != SLIDE), ordered[0])

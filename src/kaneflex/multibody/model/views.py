@@ -217,7 +217,7 @@ class Views:
         return self.work.J[: len(self.work.row_measure)] * self.measure / self.work.row_measure[:, None]
 
     def cut_of(self, row: int) -> str:
-        """Joint of a cut's row; of a resting contact the last one."""
+        """Joint of a cut's row; for a resting contact the last one."""
         return next((name for name, rows in self.layout.cuts.items() if row < rows.stop), [*self.layout.cuts][-1])
 
     @cached_property

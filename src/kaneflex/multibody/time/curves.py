@@ -29,7 +29,7 @@ class Curve(ABC):
     system: System
     start: State
     turned: Mapping[str, float] | None = None
-    """Angles [rad] with whole turns at the start, of joints that close loops, from the run that this one continues;
+    """Angles [rad] with whole turns at the start, for joints that close loops, from the run that this one continues;
     None if it continues none."""
     whole = False
     """True for the curve of a run."""

@@ -91,7 +91,7 @@ class ReferenceKinematics(RigidKinematics):
         return _Placed(self, times)
 
     def table(self, times: np.ndarray) -> np.ndarray:
-        """All scalars at ``times`` [s]; of bodies that the loops can't place they are not finite."""
+        """All scalars at ``times`` [s]; those of bodies that the loops can't place are not finite."""
         found = self.at(times)
         return np.column_stack([found[name] for name in self.column])
 

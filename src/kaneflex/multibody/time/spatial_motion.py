@@ -230,7 +230,7 @@ def before_run(module: ComputedModule, start: State, first: State) -> CoupledKin
 
 @dataclass(frozen=True, eq=False)
 class SpatialMotion(DeformingMotion):
-    """Scalars of a rigid motion in space at some times; of deforming bodies those of their axes and shapes."""
+    """Scalars of a rigid motion in space at some times; for deforming bodies those of their axes and shapes."""
 
     motion: Any
     record: np.ndarray | None = None

@@ -48,15 +48,15 @@ _FIRST_STEP = 0.03
 _MOST_AT_ONCE = 1000
 """Largest number of changes at one instant."""
 _DOUBTED, _LEFT_ALONE = 4.0, 16.0
-"""Range of this number in which steps are shortened: a contact that separates with hardly any acceleration may close
-again on the polynomial of too long a step."""
+"""Numbers of changes at one instant between which steps are shortened: a contact that separates with hardly any
+acceleration may close again on the polynomial of too long a step."""
 _AT_REST = 1e-8
 """Share of the rates on either side of zero below which a switch at rest stays there."""
 
 
 @njit(**OPTIONS)
 def record_impulses(m, table, h):
-    """Add a step to the impulses of closed contacts, and to their peaks, by its parabola if inside."""
+    """Add a step to the impulses of closed contacts; their peaks may lie at the vertex of the step's parabola."""
     no_inline()
     w, x = m.w, table.nodes
     for n in range(contacts(m)):

@@ -1,7 +1,7 @@
 """Motion by a choice of modes at an instant: accelerations and forces, or speeds after impulses and these.
 
 Closed rigid contacts and sticking frictions are rows of the mechanism's factors, slipping frictions follow their normal
-forces. Those of joints depend on the reactions, so that solutions are repeated until they agree.
+forces. Normal forces of joints depend on the reactions, so solutions are repeated until both agree.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from kaneflex.multibody.unilateral.rows import (
 _SETTLED = 40
 """Iterations for reactions and their friction to converge."""
 UNEVEN = 1e3
-"""Tolerances of what is rounding: changes of forces beside those of stiff bodies, and slip in space after impulses that
-are redundant."""
+"""Tolerances, in rounding errors: of changes of forces beside those of stiff bodies, and of slip in space after
+impulses that are redundant."""
 _REFINED = 5
 """Solutions for impulses: sticking rows have a small compliance, whose effect the later ones remove."""
 
@@ -125,7 +125,8 @@ def negligible_force(m, n):
 
 @njit(**OPTIONS)
 def _force_size(m, n):
-    """Force of a friction, of one with two rows their size: where the mechanism can't move one of them is rounding."""
+    """Force of a friction; with two rows the size of both, as one alone may be rounding where the mechanism can't
+    move."""
     if is_second(m, n):
         return 0.0
     return magnitude(m, n, FORCE) if second_row(m, n) else m.w[at(m, n) + FORCE]

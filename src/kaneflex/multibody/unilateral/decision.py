@@ -38,11 +38,13 @@ from kaneflex.multibody.unilateral.rows import (
 from kaneflex.multibody.unilateral.step_rows import correct_drift
 
 _SHORT, _ALIKE = 1e-6, 1e-9
-"""Tolerances, as shares of the holding force, of the load of sticking friction that is to slip, and of equal loads."""
+"""Shares of the holding force: largest difference from it of the load of friction that is to slip, and between equal
+loads."""
 STILL, LET_GO = -1.0, -2.0
 """Values of DUE for friction without speed: its mode is to be found; sticking friction that is to slip."""
 TURNED = 1e3
-"""Speed, in those that count as zero, above which slip that ends along its direction goes on in another one."""
+"""Speed, in multiples of :func:`zero_speed`, above which slip that ends along its direction continues in another
+one."""
 _EASED = 0.9
 """Share of its limit that sticking friction bears after it has been relieved, if others can bear more."""
 _ALIGNED = 1e-10
@@ -54,8 +56,8 @@ _DIRECTIONS = 20
 _MOST_CHOICES = 7776
 """Largest number of combinations tried: 2 of a contact and 3 of a friction, so those of five contacts with friction."""
 _ASTRAY = 0.01
-"""Weight of the motion of closed and sticking rows, in that which is rounding: if rows ask for more than there are
-freedoms, they move, and their large forces mean nothing."""
+"""Weight of the motion of closed and sticking rows, in rounding errors: if there are more rows than freedoms, they
+move, and their large forces mean nothing."""
 _REFLECTED = 40
 """Iterations for the loads of redundant frictions."""
 _NONE = -1000000
@@ -138,7 +140,7 @@ def search(m, t, A):
 
 @njit(**OPTIONS)
 def _choose(m, n, left):
-    """Set the mode of a row by the remaining number of a combination; returns that of the others."""
+    """Set the mode of a row from the number of a combination; returns the number left for the other rows."""
     if n >= 0:
         m.w[at(m, n) + MODE] = CLOSED if left % 2 == 0 else OPEN
         return left // 2
@@ -184,8 +186,8 @@ def _is_turning(m, n):
 def _turn_all(m, A):
     """Turn all frictions that slip in tangent planes to where they move (Newton's method); False: singular.
 
-    One after the other they would converge slowly where they slip at a small share of the speeds before. For this step
-    the row across a slip is viscous: its force, a share of the limit, is that of its speed, a share of the slip's.
+    Turned one after the other they converge slowly where they slip at a small share of the speeds before. In this step
+    the row across a slip is viscous: its force is the same share of the limit as its speed is of the slip's.
     """
     no_inline()
     w, answer = m.w, m.plan[COLUMNS] + m.plan[COORDINATES] * m.plan[KEPT]
@@ -291,7 +293,7 @@ def _relieve(m, t, A):
 
 @njit(**OPTIONS)
 def _load(m, n):
-    """Force of sticking friction without speed, as a share of its limit; 0 of other frictions."""
+    """Force of sticking friction without speed, as a share of its limit; 0 for other frictions."""
     k = at(m, n)
     if m.w[k + MODE] != STICKING or m.w[k + DUE] >= 0.0:
         return 0.0
@@ -315,7 +317,7 @@ def _least_consistent(m, t, first):
 
 @njit(**OPTIONS)
 def _inconsistency(m, n, t, late):
-    """Inconsistency of a row's mode, in that which is rounding; 0 of modes that are known or without effect."""
+    """Inconsistency of a row's mode, in rounding errors; 0 for modes that are known or have no effect."""
     if not _is_free(m, n) or (n < 0 and is_idle(m, n)):
         return 0.0
     return _contact_inconsistency(m, n) if n >= 0 else _friction_inconsistency(m, n, t, late)
@@ -324,7 +326,7 @@ def _inconsistency(m, n, t, late):
 @if_impacts(0.0)
 @njit(**OPTIONS)
 def _contact_inconsistency(m, n):
-    """Pull of a closed rigid contact, or approach of an open one, in those that are rounding."""
+    """Pull of a closed rigid contact, or approach of an open one, in rounding errors."""
     w, k = m.w, at(m, n)
     size = w[k + ROUNDED] if in_impact(m) else w[k + UNSURE]
     aim = w[k + BOUNCE] if in_impact(m) else 0.0
@@ -337,8 +339,8 @@ def _contact_inconsistency(m, n):
 @if_frictions(0.0)
 @njit(**OPTIONS)
 def _friction_inconsistency(m, n, t, late):
-    """Force of a sticking friction beyond its limit, or motion of a slipping one against its direction, in those that
-    are rounding."""
+    """Force of a sticking friction beyond its limit, or motion of a slipping one against its direction, in rounding
+    errors."""
     w, k, rate = m.w, at(m, n), SLIP_RATE - in_impact(m)
     unsure = _SHORT / WRONG if w[k + DUE] == LET_GO else 1.0  # as its load
     none = w[k + ROUNDED] + zero_speed(m, n, t) if in_impact(m) else unsure * zero_acceleration(m, n)

@@ -126,7 +126,7 @@ def rows_of_step(m, first, h, state):
 
 @njit(**OPTIONS)
 def _turning(m, n):
-    """Derivative of a slipping friction's force across its slip by the speed across it; 0 of other rows."""
+    """Derivative of a slipping friction's force across its slip by the speed across it; 0 for other rows."""
     along = int(m.w[law_at(m, n) + 1])
     if m.acts[act_of(m, n), WHAT] != ACROSS or m.w[at(m, along) + MODE] != SLIPPING:
         return 0.0
@@ -249,7 +249,7 @@ def prescribe_nothing(m, A):
 @if_modes(None)
 @njit(**OPTIONS)
 def prescribe_now(m, A):
-    """Prescribe zero acceleration to sticking friction and closed rigid contacts at the current state, of impulses a
+    """Prescribe zero acceleration to sticking friction and closed rigid contacts at the current state, for impulses a
     change of speed; to bristles their force law."""
     w, rate = m.w, GAP_ACCEL - in_impact(m)
     for n in range(-frictions(m), contacts(m) if m.pivots[DECIDES] != NOTHING else 0):

@@ -93,7 +93,7 @@ def zero_acceleration(m, n):
 
 @njit(**OPTIONS)
 def motion_size(m, n, rate):
-    """Size of the velocities (0) or accelerations (1) of a row's two sections; of flanks that of their turning.
+    """Size of the velocities (0) or accelerations (1) of a row's two sections; for flanks that of their rotation.
 
     Rates of gaps are differences of these, whatever their direction: all are from one solution of the equations.
     """
@@ -173,7 +173,7 @@ def normal_force(m, n):
 
 @njit(**OPTIONS)
 def bearing_forces(m, n, wrench):
-    """Parts of a joint's wrench at both ends of a guide's block, across its direction; of a pin the force in two equal
+    """Parts of a joint's wrench at both ends of a guide's block, across its direction; for a pin the force in two equal
     parts."""
     along = fixed_wrench(m, n, 0.0, 0)
     half = as_force(m, scaled(0.5, axpy(-dot(along, wrench), along, wrench)))
@@ -245,7 +245,7 @@ def sliding_size(m, n):
 def _slip_in_plane(m, n, N):
     """Both components of a slipping friction's force, against the slip in the tangent plane.
 
-    Beyond zero of its first component the force goes on without reversal, as that of one row.
+    Beyond a zero of its first component the force continues without reversal, as with one row.
     """
     w, j, k, other = m.w, law_at(m, n), at(m, n), at(m, second_row(m, n))
     v, beside, least = w[k + SLIP], w[other + SLIP], SLOWEST * row_scale(m, n)
@@ -280,7 +280,7 @@ def _force_of(m, n):
 @njit(**OPTIONS)
 def record(m):
     """Store the results of every row with an instant, frictions first: gap or position, rate, force, normal force,
-    stored energy, MODE and MEMORY; of a friction with two rows sizes, and with the second one the force's
+    stored energy, MODE and MEMORY; for a friction with two rows sizes, and with the second one the force's
     components."""
     w, i, out = m.w, 0, m.touching
     for n in range(-frictions(m), contacts(m)):

@@ -50,7 +50,7 @@ from kaneflex.multibody.unilateral.step_rows import effective_mass
 _TOGETHER = 100.0
 """Tolerances of a gap within which sides meet at one instant."""
 LEAST_HEIGHT = 16.0
-"""Tolerances of a gap that a bounce must be high."""
+"""Least height of a bounce, in tolerances of a gap."""
 
 
 @if_impacts(0.0)
@@ -165,7 +165,7 @@ def _collided(m, t, A):
 
 @njit(**OPTIONS)
 def _guess(m, share):
-    """Set the speeds that contacts ask for, with a share of their restitution, and first modes."""
+    """Set the speeds of separation by a share of the restitution, and first modes."""
     no_inline()
     w = m.w
     for n in range(contacts(m)):

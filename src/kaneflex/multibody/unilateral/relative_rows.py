@@ -32,7 +32,8 @@ from kaneflex.multibody.unilateral.rows import (
 
 @njit(**OPTIONS)
 def angle_of(m, n):
-    """Angle [rad] of the second body of flanks or a pin against the first, and the angle whose rounding it has."""
+    """Angle [rad] of the second body relative to the first, for flanks or a pin, and the angle whose rounding error it
+    has."""
     act, own, axes = act_of(m, n), law_at(m, n), m.axes
     if width(m) == 3:
         angle = section_place(m, m.acts[act, ON])[2]
@@ -135,7 +136,7 @@ def separation(m, act):
 
 @njit(**OPTIONS)
 def _radial(m, n, a):
-    """Part of a vector of circles across the axis of their bearing; all of it in the plane and of spheres."""
+    """Part of a vector across the axis of a bearing of circles; all of it in the plane and for spheres."""
     inline()
     if width(m) == 3:
         return a
@@ -195,7 +196,7 @@ def _direction(m, n, normal):
 
 @njit(**OPTIONS)
 def _friction_position(m, n, c, along):
-    """Position [m] of a contact's friction; 0 of circles, in space its MEMORY: these are no functions of places."""
+    """Position [m] of a contact's friction; 0 for circles, its MEMORY in space: these are no functions of places."""
     if width(m) == 6:
         return m.w[at(m, n) + MEMORY]
     act, radius = act_of(m, c), m.w[law_at(m, c) + RADIUS_AT]
@@ -205,11 +206,11 @@ def _friction_position(m, n, c, along):
 
 @njit(**OPTIONS)
 def _rubs_outside(m, c, radius):
-    """True if the friction of a contact acts at the surface of the first body: that of points on planes and pins in
-    space; spheres rub at their radius.
+    """True if the friction of a contact acts at the surface of the first body, as for points on planes and pins in
+    space; that of spheres acts at their radius.
 
-    The feet of a body, however deep each is, then stay in one plane, the ends of a pin on one line: if all stick, they
-    don't hinder its tilt.
+    The feet of a body then act in one plane, and the ends of a pin on one line, whatever their depths: a body whose
+    feet all stick can still tilt.
     """
     if width(m) == 3:
         return False
@@ -222,7 +223,7 @@ def fill_row(m, n):
     """Row of a contact, or of a friction after its contact: gap or position, its two rates, Jacobian by both twists.
 
     It is the motion of the second section past the first along a unit wrench, at a place that is fixed in the second
-    body, or of circles and spheres keeps to their normal.
+    body; for circles and spheres the place stays on their normal.
     """
     no_inline()
     act, row, c, radius, turns = act_of(m, n), row_length(m) * row_at(m, n), n if n >= 0 else contact_of(m, n), 0.0, 0.0
@@ -261,7 +262,7 @@ def fill_row(m, n):
 
 @njit(**OPTIONS)
 def place_of(m, n):
-    """Touched place of a contact after :func:`fill_contact` [m], global; of flanks that of the second section."""
+    """Touched place of a contact after :func:`fill_contact` [m], global; for flanks that of the second section."""
     place, push = section_place(m, m.acts[act_of(m, n), ON]), row_wrench(m, row_at(m, n), 1)
     radius = m.w[law_at(m, n) + RADIUS_AT]
     z = place[2] - radius * push[2] if width(m) == 6 else 0.0

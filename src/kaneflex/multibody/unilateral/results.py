@@ -62,14 +62,14 @@ class RowRecord:
     Attributes
     ----------
     names : tuple of str
-        Contacts; of frictions their joints and contacts.
+        Contacts; for frictions their joints and contacts.
     gap : ndarray (n_times, n_rows)
-        Gap [m], negative for penetration; of a friction its position.
+        Gap [m], negative for penetration; for a friction its position.
     speed : ndarray (n_times, n_rows)
-        Rate of the gap; of a friction the speed of the second side past the first, along a guide's direction, or a
+        Rate of the gap; for a friction the speed of the second side past the first, along a guide's direction, or a
         contact's normal turned by 90 deg [m/s or rad/s].
     force : ndarray (n_times, n_rows)
-        Normal forces [N], positive for compression; of a friction on the second side, in a pin on the second body
+        Normal forces [N], positive for compression; for a friction on the second side, in a pin on the second body
         [N m], along the same.
     pressed : ndarray (n_times, n_rows)
         What presses the sides together: a contact's force [N], a pin's reaction times its radius [N m], the sum of what
@@ -79,7 +79,7 @@ class RowRecord:
     mode : ndarray (n_times, n_rows)
         OPEN, CLOSED, RELEASED, STICKING, SLIPPING, FLOWING or BENDING, see :mod:`kaneflex.multibody.model.layout`.
     bristles : ndarray (n_times, n_rows)
-        Deflection of the bristles of law lugre [m, in a pin rad]; 0 of others.
+        Deflection of the bristles of law lugre [m, in a pin rad]; 0 for other laws.
     impacts : tuple of Impact
         Impacts in the order of their ends; unfinished ones come last.
     jams : ndarray (n_rows,)

@@ -100,7 +100,7 @@ def contact_of(m, n):
 
 @njit(**OPTIONS)
 def second_row(m, n):
-    """Row across the slip of a contact's friction in space; 0 of other frictions, which have one row."""
+    """Row across the slip of a contact's friction in space; 0 for other frictions, which have one row."""
     return int(m.w[law_at(m, n) + 1]) if width(m) == 6 and m.acts[act_of(m, n), WHAT] == ALONG else 0
 
 

@@ -164,8 +164,8 @@ def resist_defect(m, step, A, answer):
 @if_contacts(0.0)
 @njit(**OPTIONS)
 def error_of_gaps(m, table, h, state, step, A, answer):
-    """Largest error of a gap, and of the deflection of bristles, by the defect at ACCEL and the answer to it, as an
-    acceleration in errors allowed: of bristles a share of the deflection before slip."""
+    """Largest error of a gap, and of the deflection of bristles, from the defect at ACCEL and the answer to it, as an
+    acceleration in errors allowed; for bristles that is a share of the deflection before slip."""
     no_inline()
     plan, w, size, largest = m.plan, m.w, m.plan[COORDINATES], 0.0
     for r in range(plan[VIRTUAL], m.pivots[YIELDING]):
@@ -184,7 +184,7 @@ def error_of_gaps(m, table, h, state, step, A, answer):
 @if_frictions(0.0)
 @njit(**OPTIONS)
 def _bristle_slope(m, n, step):
-    """Derivative of a force of bristles with respect to the speed, for a step; 0 of other rows."""
+    """Derivative of a force of bristles with respect to the speed, for a step; 0 for other rows."""
     k = at(m, n)
     return lugre.step_damping(m.w, k, law_at(m, n), step) * m.w[k + BY_SPEED] if m.w[k + MODE] == BENDING else 0.0
 

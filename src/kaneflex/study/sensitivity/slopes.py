@@ -187,7 +187,7 @@ class Replay:
         return self.solution.trajectory
 
     def first(self, model: Model) -> State:
-        """Start of a model's run; of a periodic one that of the undeformed mechanism."""
+        """Start of a model's run; for a periodic one that of the undeformed mechanism."""
         return replace(beginning(model), t=float(self.own.times[0]), choice=self._equations.choice)
 
     def cycles(self, model: Model) -> Cycles:

@@ -37,7 +37,7 @@ def choose(
 ) -> Choice:  # fmt: skip
     """Find the cheapest model whose sensors agree with the converged ones within a tolerance.
 
-    Of each preset the models are tried in the order of their work until one is within; of these the fastest by its
+    The models of each preset are tried in the order of their work until one is within; of these the fastest by its
     measured time is chosen.
 
     Parameters

@@ -52,7 +52,7 @@ class Effect(Compared):
         Differences of the model without it from the one with it, by sensor above rounding error; empty if the model
         without it fails.
     needed : bool
-        Whether leaving it out changes a sensor by more than the tolerance, or stops the run; of chaotic impacts by
+        Whether leaving it out changes a sensor by more than the tolerance, or stops the run; for chaotic impacts by
         more than the tolerance and the error estimate.
     operations : int or None
         Additional multiply-adds of one evaluation of M, C, K and F.
@@ -97,8 +97,8 @@ class Terms:
 
 
 def groups(scene: Scene) -> tuple[Group, ...]:
-    """Groups of a neutral scene: terms, axial deformation, loads, dynamics, two-way coupling; of rigid bodies gravity
-    and loads, of one that only preset ``coupled`` supports axial deformation and loads.
+    """Groups of a neutral scene: terms, axial deformation, loads, dynamics, two-way coupling; for rigid bodies gravity
+    and loads, for a scene that only preset ``coupled`` supports axial deformation and loads.
     :mod:`kaneflex.study.trade.parts` has its clearances and friction.
     """
     whole = _whole(scene.solve.preset)
