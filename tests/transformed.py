@@ -29,8 +29,12 @@ VECTOR = ("x", "y")
 
 
 def in_si(scene: Scene) -> Raw:
-    """What the scene says, as plain numbers in SI; materials as their constants."""
+    """What the scene says, as plain numbers in SI; materials as their constants, loose guides as such."""
     raw = scene.model_dump(by_alias=True, exclude_unset=True, exclude={"description", "assumptions", "like", "events"})
+    for name, loose in scene.loose.items():
+        sides, clearance = loose.sides, loose.clearance.model_dump(by_alias=True, exclude_unset=True)
+        raw["joints"][name] = {"prismatic": sides, "direction": loose.direction, "clearance": clearance}
+        raw["contacts"] = {key: each for key, each in raw["contacts"].items() if key not in loose.contacts}
     for name, body in scene.bodies.items():
         if body.elastic:
             made_of = body.beam.constants()

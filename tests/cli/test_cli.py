@@ -438,7 +438,7 @@ TABLES = {
     "linearise engine -o engine.npz": ("poles", "states", "inputs", "outputs"),
     "compare engine --presets rigid,linear --no-plots": ("differences",),
     "trade engine --budget 0.1s --sensors tip_axial --no-plots": ("chosen", "models", "left_out"),
-    "terms engine --budget 0.1s --sensors tip_axial --no-plots": ("full", "groups"),
+    "terms engine --budget 0.1s --sensors tip_axial --no-plots": ("operations", "groups"),
 }
 
 

@@ -42,8 +42,9 @@ _RICHEST: Mapping[str, object] = {
 }  # fmt: skip
 _MOST = 2048
 """Largest number of instants of the cycle at which the equations hold."""
-_LEFT = 0.03
-"""Share of the run's tolerance that corrections by harmonics may leave, since the error is larger if they are slow."""
+_LEFT, _LEFT_MOST = 0.03, 3e-6
+"""Share of the run's tolerance that corrections by harmonics may leave, since the error is larger if they are slow; and
+the largest share of the motion, else coarse tolerances would be errors of the elements."""
 _COUNTS = 1e-6
 """Share of a coordinate's largest harmonic below which a harmonic is neglected."""
 LONGEST = 60.0
@@ -89,7 +90,7 @@ def _by_harmonics(read: Read, richer: Sequence[tuple[str, Model]]) -> Iterator[S
         grid = Grid.of(own.system, own.scalars_of(rigid), period)
         basis = own.modal_basis
         z = z if basis is None else np.linalg.lstsq(basis, z, rcond=None)[0]
-        found = improved(grid, z, _LEFT * model.options.tolerance)
+        found = improved(grid, z, min(_LEFT * model.options.tolerance, _LEFT_MOST))
         if found is None:
             return
         z, v, a = (part if basis is None else basis @ part for part in (found.z, *rates(found.z, grid.omega)))
