@@ -34,6 +34,7 @@ from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.scene.options import acting, resolve_options
 from kaneflex.scene.start import Start
 from kaneflex.scene.structure import structure_hash
+from kaneflex.solve.engine_loading import spatial_start
 
 WORDS = (
     "", " ", "none", "true", "x", "t", "start", "end", "ground", "ground.origin", "rod.end", "crank", "a.b.c", "..",
@@ -265,6 +266,8 @@ def broken_text(text: str, pick: random.Random) -> bytes:
     """The text with characters lost, doubled or strange; sometimes no text at all."""
     data = bytearray(text.encode())
     for _ in range(pick.choice((1, 1, 2, 5))):
+        if not data:
+            break
         at = pick.randrange(len(data))
         match pick.randrange(4):
             case 0:
@@ -366,7 +369,7 @@ def examine(file: Path, placed: bool = False) -> Scene | UserError:
             for name in () if scene.is_spatial else elastic:
                 most_modes(mechanism_of(scene), name)
             if placed and scene.joints:
-                place(mechanism_of(scene))
+                spatial_start(scene) if scene.is_spatial else place(mechanism_of(scene))
     except UserError as error:
         assert all((problem.reason, problem.cure, str(problem)) for problem in error.problems)
         return error

@@ -169,6 +169,7 @@ def odd_files():
     np.savetxt("corner.txt", numbers[[0], 0])
     mmwrite("short.mtx", np.eye(6))
     Path("empty.txt").write_text("")
+    np.savetxt("ninth.txt", [[1, 1, 1, 1, 1.0], [1, 9, 1, 9, 1.0]], fmt="%g")
     doubled = numbers.copy()
     doubled[1, 0] = 3.0
     np.savetxt("twice-numbered.txt", doubled, fmt="%.9g")
@@ -255,6 +256,7 @@ def test_what_is_refused_of_sections_and_stresses(odd_files, changed, message):
     ({"start=big-eye.txt": "start=corner.txt"}, "the line from start to end is off the plane of motion by"),
     ({"rod-mass.mtx": "short.mtx"}, "short.mtx has the shape (6, 6), with 1225 nodes"),
     ({"rod-mass.mtx": "rod-nodes.txt"}, "rod-nodes.txt has 4 columns"),
+    ({"rod-mass.mtx": "ninth.txt"}, "ninth.txt contains a direction outside 1 to 6 of node 1"),
     ({"rod-mass.mtx": "torn.mtx"}, "torn.mtx is not a Matrix Market file"),
     ({"rod-stiffness.mtx": "lopsided.mtx"}, "lopsided.mtx is not symmetric"),
     ({"rod-stiffness.mtx": "rod-mass.mtx"}, "rod-mass.mtx resists a rigid motion along its axis by"),

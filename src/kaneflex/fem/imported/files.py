@@ -130,7 +130,8 @@ def _nodes(path: str) -> tuple[np.ndarray, np.ndarray]:
     if table.shape[1] not in (3, 4):
         reason = f"{path} has {counted(table.shape[1], 'column')}"
         raise Fault(reason, "Give a node's number, then its two or three coordinates")
-    numbers = table[:, 0].astype(np.int64)
+    with np.errstate(invalid="ignore"):  # too large a number is not equal to its integer
+        numbers = table[:, 0].astype(np.int64)
     if (wrong := numbers != table[:, 0]).any():
         number = f"{table[wrong][0, 0]:g}"
         raise Fault(f"{path}: {number} is not a node number", "Give whole numbers in the first column")
@@ -163,7 +164,7 @@ def _input_nodes(path: str) -> np.ndarray:
             words = [word.strip() or "0" for word in line.split(",")]
             row = [number for word in [*words, "0", "0", "0"][:4] if (number := plain_number(word)) is not None]
             if len(row) < 4:
-                raise Fault(f"{path}: {line.strip()} is not a node", "Give its number, then its coordinates")
+                raise Fault(f"{path}: {line.strip()[:60]} is not a node", "Give its number, then its coordinates")
             rows.append(row)
     if not rows:
         raise Fault(f"{path} has no nodes below *NODE", "Give an input of Abaqus or CalculiX, or a text file of nodes")

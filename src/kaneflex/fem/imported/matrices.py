@@ -190,7 +190,8 @@ def _abaqus(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labe
             "Give a Matrix Market file, or one of Abaqus: lines of node, direction, node, direction, value, or of "
             "row, column, value",
         )
-    ends = table[:, :-1].astype(np.int64)
+    with np.errstate(invalid="ignore"):  # too large a number is not equal to its integer
+        ends = table[:, :-1].astype(np.int64)
     if (ends != table[:, :-1]).any():
         raise Fault(f"{path} contains a row that is not a whole number", "Give a file of *MATRIX OUTPUT of Abaqus")
     if table.shape[1] == 3:
@@ -276,7 +277,9 @@ def _in_order(path: str, found: csc_array, labels: Labels, numbers: np.ndarray, 
     nodes, directions = labels
     moving = np.asarray(abs(found).sum(axis=0)).ravel() > 0.0
     in_space = "Use --space, or mesh the link by solid elements, whose nodes have no rotations"
+    beyond = (directions < 1) | (moving & (directions > _DIRECTIONS))
     for wrong, what, cure in (
+        (beyond, "a direction outside 1 to 6 of", "Export displacements and rotations of the nodes only"),
         (moving & (directions > 3) & (not turning), "the rotation of", in_space),
         (moving & ~np.isin(nodes, numbers), "", "List it with its coordinates in the file of nodes"),
     ):
