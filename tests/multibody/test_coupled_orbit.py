@@ -104,12 +104,19 @@ def test_a_free_joint_repeats_too(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("table, entry, said", [
     ("loads", {"push": {"force_on": "follower.mid", "direction": [0, 1], "law": "cos(main) + 0.1 * t"}},
-     "push is 1 at first and 1.02 a cycle later"),
+     "push is 1 at an instant and 1.02 a cycle later"),
     ("drives", {"main": {"law": "10 * pi * t + t**2", "period": "0.2 s"}},
-     "main is 31.4159 at first and 31.8159 a cycle"),
+     "main is 31.4159 at an instant and 31.8159 a cycle"),
+    ("loads", {"push": {"force_on": "follower.mid", "direction": [0, 1], "law": "sin(main / 2) * sin(main)"}},
+     "push is "),
+    ("loads", {"coil": {"torque_at": "first", "law": "-0.1 * first"}}, "coil is "),
+    ("springs", {"coil": {"torsional_at": "first", "stiffness": "0.1 N m/rad"}}, "coil is "),
+    ("springs", {"coil": {"torsional_at": "main", "stiffness": "0.1 N m/rad"}},
+     "coil is 6.28319e-07 at an instant and 0.628"),
 ])  # fmt: skip
 def test_what_does_not_repeat_is_named(table, entry, said):
-    """As in space: the harmonics took a load that grows for one that jumps back every cycle."""
+    """As in space: the harmonics took a load that grows for one that jumps back every cycle; a load of twice the period
+    was the same at the cycle's ends, and coils at pins that turn were wound up without a word."""
     raw = kaneflex.read_scene("four-bar").raw | {table: entry, "solve": {"preset": "coupled", "start": "periodic"}}
     with pytest.raises(SceneError, match=rf"solve\.start = 'periodic': {said}"):
         solved(kaneflex.scene_of(raw))

@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from kaneflex.integrate.system import Outcome
 from kaneflex.mechanism.closure import changed_speed
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import whole_turns
@@ -30,7 +31,7 @@ from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.initial import SavedState, closed_state, given_start, state_after, written_state
 from kaneflex.solve.quasistatic import slow_state
-from kaneflex.solve.run_checks import check_laws, check_repeats
+from kaneflex.solve.run_checks import INSTANTS, check_laws, check_repeats
 from kaneflex.solve.run_result import RunResult
 from kaneflex.support.errors import SceneError
 from kaneflex.support.weak_cache import WeakCache
@@ -80,12 +81,15 @@ def repeated(
     system, begin, period = model.coupled_system, float(times[0]), model.options.duration
     system.engine.compile()
     equations, first = _of_cycle(model, near)
-    check_repeats(system, system.engine.layout.driven, near or first, period)
+    repeats = partial(check_repeats, system, system.engine.layout.driven, period)
+    repeats([near or first])
     cycles = Cycles(equations, times, method_of(model), closer)
     if near is None and not cycles.touches:
         shapeless = partial(_undeformed, model, first, equations.choice)
         first = orbit_start(equations, shapeless, begin, period, HARMONICS) or equations.equilibrium(first) or first
     trajectory, verdict = cycles.repeated(near or first, progress)
+    if verdict is not None and verdict.outcome is not Outcome.NO_PERIODIC_STATE:
+        repeats([*cycles.along(trajectory, INSTANTS)], cycles.turns(trajectory))
     return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.multibody.model.bound_model import Model
-from kaneflex.solve.run_checks import MAX_STORED, UNREPEATED, refuse_unrepeated
+from kaneflex.solve.run_checks import INSTANTS, MAX_STORED, UNREPEATED, refuse_unrepeated
 from kaneflex.solve.run_result import RunResult
 
 if TYPE_CHECKING:
@@ -70,19 +70,22 @@ def storing(model: Model) -> int:
 
 
 def not_repeated(model: Model) -> str | None:
-    """Scalar that is not periodic, in words; None if motion and loads are periodic."""
-    period = model.scene.period
+    """Scalar that is not periodic, in words; None if motion, loads and springs are periodic."""
+    period, free = model.scene.period, model.scene.free_joints
     assert period is not None  # checked with the scene
     cycle = model.motion.at(np.linspace(0.0, period, 65))
-    column, ends = cycle.motion.column, cycle.values[[0, -1]]
-    sizes, changes = abs(cycle.values).max(axis=0).tolist(), abs(ends[1] - ends[0]).tolist()
+    shares = np.zeros(1) if free else np.append(0.0, INSTANTS)  # a free joint's motion is known for a cycle only
+    before, after = (model.motion.at(period * (shares + later)).values for later in (0.0, 1.0))
+    column, sizes, changes = cycle.motion.column, abs(cycle.values).max(axis=0), abs(after - before)
     unit_of, largest = {name: unit for name, unit, *_ in model.module.SCALARS}, cycle.magnitudes(period)
-    for name in sorted({name for monomial in model.monomials for name in monomial} & column.keys()):
+    entering = {f"{name}.torque" for name in model.scene.springs}.union(*model.monomials)
+    for name in sorted(entering & column.keys()):
         k, rounding = column[name], _ROUNDING * largest.get(unit_of.get(name), 0.0)
-        if changes[k] > _REPEATS * sizes[k] + rounding:
-            if model.scene.free_joints and name not in model.scene.loads:
-                return f"{model.scene.free_joints[0]} moves freely, and does not return after a cycle"
-            return UNREPEATED.format(name, *ends[:, k])
+        if changes[:, k].max() > _REPEATS * sizes[k] + rounding:
+            if free and name not in model.scene.loads:
+                return f"{free[0]} moves freely, and does not return after a cycle"
+            worst = changes[:, k].argmax()
+            return UNREPEATED.format(name, before[worst, k], after[worst, k])
     return None
 
 

@@ -114,13 +114,18 @@ class Cycles:
         of_shapes = engine.own[engine.shapes[engine.own[:, 1]], 0]
         return max(abs(state.q[of_shapes]).max(initial=0.0) for state in self.states(cycle, LOOKS))
 
-    def end(self, cycle: CoupledTrajectory) -> State:
-        """End of a cycle as a start, without whole turns of joints since its start."""
+    def turns(self, cycle: CoupledTrajectory) -> np.ndarray:
+        """Full turns of the coordinates in a cycle [rad]."""
         engine, (start, end) = self.equations.engine, self.states(cycle, 2)
         own = engine.own[(engine.turns & ~engine.shapes)[engine.own[:, 1]], 0]
-        q = end.q.copy()
-        q[own] -= whole_turns(q[own] - start.q[own])
-        return self.equations.system.project(self.begin, q, end.u, self.equations.choice)
+        found = 0.0 * start.q
+        found[own] = whole_turns(end.q[own] - start.q[own])
+        return found
+
+    def end(self, cycle: CoupledTrajectory) -> State:
+        """End of a cycle as a start, without whole turns of joints since its start."""
+        *_, end = self.states(cycle, 2)
+        return self.equations.system.project(self.begin, end.q - self.turns(cycle), end.u, self.equations.choice)
 
     def apart(self, start: State, *others: State) -> np.ndarray:
         """x of other states less that of a start, without whole turns, (n, 2 k)."""
