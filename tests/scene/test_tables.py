@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator
 
-from kaneflex import SceneError, load, read_scene, simulate, with_settings
+from kaneflex import SceneError, load, read_scene, scene_of, simulate, with_settings
 from kaneflex.response.time_statistics import between_steps
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.plausible import implausible
@@ -312,6 +312,27 @@ def test_a_cycle_without_its_last_row_is_closed_by_its_first(tmp_path):
     ):
         with pytest.raises(SceneError, match=reason):
             with_settings(scene, change)
+
+
+def test_a_drive_whose_table_ends_with_a_speed_is_named(tmp_path):
+    """A straight line from 10 to 100 degrees between 0.1 and 0.6 s, in a run of a second: the speed jumped silently."""
+    path = tmp_path / "move.csv"
+
+    def warned(angles, *settings):
+        path.write_text("t,phi\n" + "".join(f"{0.1 + 0.05 * k},{x}\n" for k, x in enumerate(angles)))
+        text = MOTOR.format(inertia=1, axis="", component="angle", preset="rigid").splitlines()
+        kept = [line for line in text if not line.startswith(("loads", "drives"))]
+        scene = scene_of("\n".join([*kept, f"drives = {{shaft = {{table = '{path}'}}}}"]))
+        return implausible(with_settings(scene, settings))
+
+    line = 10.0 + 9.0 * np.arange(11)
+    begins, ends = warned(line, "solve.duration=1 s")
+    assert begins.startswith("drives.shaft: its table begins at 0.1 s with 3.142 rad/s, and the joint stands still")
+    assert ends.startswith("drives.shaft: its table ends at 0.6 s with 3.142 rad/s")
+    assert warned(line, "solve.duration=0.6 s") == (begins,)
+    assert len(warned([10.0, 20.0], "solve.duration=1 s")) == 2
+    turn = np.linspace(0, 2 * np.pi, 21)
+    assert not warned(90.0 * (turn - np.sin(turn)), "solve.duration=2 s")
 
 
 MOTOR = """

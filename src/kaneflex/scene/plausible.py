@@ -17,7 +17,7 @@ from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.sections import Constants
 from kaneflex.scene.sensors import SECTION_KINDS, Sensor
-from kaneflex.scene.tables import largest_of_block, overshoot_of_block
+from kaneflex.scene.tables import Table, largest_of_block, overshoot_of_block
 from kaneflex.support.units import ANGLE
 
 _LONG = 10.0
@@ -44,6 +44,8 @@ _HOLLOW = 1e4
 """Largest second moment over area squared without a warning: r / (4 pi t) of a tube with t / r = 8e-6."""
 _ROUNDED = 1e-3
 """Relative error of sums of rounded numbers without a warning."""
+_STOPPED = 0.01
+"""Speed with which a drive's table begins or ends without a warning, as a share of its largest."""
 _BEYOND_ROWS = 0.02
 """Overshoot of a table's curve between two rows without a warning, as a share of its largest value."""
 
@@ -264,8 +266,23 @@ def _long_links(bodies: Mapping[str, Body], raw: Mapping[str, Any]) -> Iterator[
             yield f"bodies.{name}.length = {given:g} is {given:g} m, since a plain number is in SI: {cure}"
 
 
+def _stops(key: str, table: Table, curve: np.ndarray, unit: str, horizon: float) -> Iterator[str]:
+    """Warnings of the speed at the ends of a drive's table inside a run of ``horizon`` [s], where the joint stops."""
+    x, last = table.x, table.x[-1] - table.x[-2]
+    cubics = curve[len(x) + 8 : -4].tolist()
+    c1, c2, c3 = cubics[-3:]
+    ends = (x[0], cubics[1], x[0] > 0.0), (x[-1], c1 + last * (2.0 * c2 + last * 3.0 * c3), x[-1] < horizon)
+    for t, speed, inside in ends:
+        if inside and abs(speed) > _STOPPED * abs(np.diff(table.y) / np.diff(x)).max():
+            yield (
+                f"{key}: its table {'begins' if t == x[0] else 'ends'} at {t:.4g} s with {speed:.4g} {unit}, and the "
+                "joint stands still outside, so that its speed jumps there; add rows that bring it to rest"
+            )
+
+
 def _tables(scene: Scene) -> Iterator[str]:
-    """Warnings of tables that were closed automatically, or whose smooth curve overshoots between two rows."""
+    """Warnings of tables that were closed automatically, whose smooth curve overshoots between two rows, or that stop a
+    joint with a jump."""
     tables: dict[str, tuple[Load | Drive, str]]
     tables = {f"loads.{name}": (load, load.si_unit) for name, load in scene.loads.items() if load.kind == "table"}
     for name, drive in scene.drives.items():
@@ -279,6 +296,8 @@ def _tables(scene: Scene) -> Iterator[str]:
             end, back = (f"{factor * x:.6g} {x_unit}" for x in table.x[-2:])
             name = Path(reader.table or "").name
             yield f"{key}: {name} ends at {end}, before its period: its first row is repeated at {back}"
+        if key.startswith("drives.") and not reader.period:
+            yield from _stops(key, table, curve, f"{unit}/s", scene.horizon or 0.0)
         beyond = overshoot_of_block(curve)
         if beyond.size > _BEYOND_ROWS * largest_of_block(curve):
             x, x_unit = (np.degrees(beyond.x), "deg") if angles else (beyond.x, table.x_dimension.unit)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, cast
@@ -31,12 +32,16 @@ from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.initial import SavedState, closed_state, given_start, state_after, written_state
 from kaneflex.solve.quasistatic import slow_state
-from kaneflex.solve.run_checks import INSTANTS, check_laws, check_repeats
+from kaneflex.solve.run_checks import INSTANTS, UNREPEATED, check_laws, refuse_unrepeated
 from kaneflex.solve.run_result import RunResult
 from kaneflex.support.errors import SceneError
 from kaneflex.support.weak_cache import WeakCache
 
 Share = Callable[[float], None]
+_LATER = 1e-6
+"""Share of a cycle after its ends at which drives and loads are compared, since laws may jump at the ends."""
+_REPEATS = 1e-6
+"""Change of a drive or load over a cycle, relative to the larger of it and one, that counts as periodic."""
 _POSITIONS = 200
 """Positions in a cycle at which independent shapes must not become dependent."""
 _MISSED = 1e-3
@@ -81,7 +86,7 @@ def repeated(
     system, begin, period = model.coupled_system, float(times[0]), model.options.duration
     system.engine.compile()
     equations, first = _of_cycle(model, near)
-    repeats = partial(check_repeats, system, system.engine.layout.driven, period)
+    repeats = partial(_check_repeats, system, system.engine.layout.driven, period)
     repeats([near or first])
     cycles = Cycles(equations, times, method_of(model), closer)
     if near is None and not cycles.touches:
@@ -91,6 +96,32 @@ def repeated(
     if verdict is not None and verdict.outcome is not Outcome.NO_PERIODIC_STATE:
         repeats([*cycles.along(trajectory, INSTANTS)], cycles.turns(trajectory))
     return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
+
+
+def _check_repeats(
+    system: Any, driven: Sequence[str], period: float, states: Iterable[State], turns: np.ndarray | float = 0.0
+) -> None:
+    """Raise SceneError unless courses of drives, up to full turns, sizes of loads and forces of springs at some states
+    are the same a period [s] later, in the plane and in space; ``turns``: full turns of coordinates in a cycle [rad].
+    """
+    engine, mechanism = system.engine, system.mechanism
+    springs = [name for name, spring in mechanism.springs.items() if not spring.is_bushing]
+
+    def known(state: State, later: float) -> list[np.ndarray]:
+        t = state.t + (_LATER + later) * period
+        sizes = system.project(t, state.q + later * turns, state.u, state.choice).sizes
+        tensions = engine.work.springs[: len(springs), 1].copy()
+        return [*engine.courses(np.array([t])).reshape(-1, 3), *sizes[:, None], *tensions[:, None]]
+
+    pairs = [[known(state, later) for later in (0.0, 1.0)] for state in states]
+    for name, *values in zip((*driven, *mechanism.loads, *springs), *itertools.chain(*pairs), strict=True):
+        before, after = np.stack(values[::2]), np.stack(values[1::2])
+        if name in driven and mechanism.joints[name].kind != "prismatic":
+            after[:, 0] -= whole_turns(after[:, 0] - before[:, 0])
+        change = abs(after - before)
+        if change.max() > _REPEATS * max(1.0, abs(before).max()):
+            k = np.unravel_index(change.argmax(), change.shape)
+            refuse_unrepeated(UNREPEATED.format(name, before[k], after[k]))
 
 
 def _of_cycle(model: Model, near: State | None) -> tuple[Equations, State]:

@@ -92,7 +92,8 @@ def readings(model: Model, found: Linear, sensors: Mapping[str, Sensor]) -> np.n
     base, n, system = found.instant, len(found.names), model.coupled
     equations = Equations(model.coupled_system, base.choice)
     x, _, weights = equations.neighbours(base, np.r_[: 2 * n, 3 * n : 3 * n + found.B.shape[1]])
-    near = Neighbours(equations.system, base, equations.given(base, x))
+    engine, given = equations.engine, equations.given(base, x)
+    near = Neighbours(equations.system, base, given)
     if system is None:
         moved = cast(CoupledKinematics, model.motion).along(near)
         beside = coupled_motion(replace(model, motion=moved), moved.at(near.times), None)
@@ -100,8 +101,15 @@ def readings(model: Model, found: Linear, sensors: Mapping[str, Sensor]) -> np.n
         near.states[:, 0] = near.times if system.mechanism.free else base.t  # free courses need ascending times
         found_there = by_themselves(system, near.states, near.records)
         beside = cast(CoupledMotion, result_of(model, found_there, 0.0).motion)
-    rows = [(sensor_values(beside, each) * weights.ravel()).reshape(-1, 4).sum(axis=1) for each in sensors.values()]
-    return np.array(rows).reshape(len(sensors), len(weights))
+    found_values = np.zeros((len(sensors), len(x)))
+    for part in (slice(8 * n), *(slice(k, k + 1) for k in range(8 * n, len(x)))):  # section forces need inputs again
+        engine.additions[:] = given[part][-1, -engine.inputs :] if engine.inputs else 0.0
+        try:
+            some = beside.taken(np.arange(len(x))[part])
+            found_values[:, part] = [sensor_values(some, each) for each in sensors.values()]
+        finally:
+            engine.additions[:] = 0.0
+    return (found_values * weights.ravel()).reshape(len(sensors), len(weights), 4).sum(axis=2)
 
 
 def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:

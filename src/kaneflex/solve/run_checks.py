@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.planar import whole_turns
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -19,18 +17,13 @@ from kaneflex.support.machine import gib, installed
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model.bound_model import Model
-    from kaneflex.multibody.model.state import State
 
 _MEETING = 1e-3
 """Share of a spring's greatest length below which its direction is undefined."""
 UNREPEATED = "{} is {:.6g} at an instant and {:.6g} a cycle later"
 """Reason why a motion or load is not periodic."""
-_REPEATS = 1e-6
-"""Change of a drive or load over a cycle, relative to the larger of it and one, that counts as periodic."""
 INSTANTS = np.sort(np.arange(1, 17) * 0.5 * (math.sqrt(5.0) - 1.0) % 1.0)
 """Instants of a cycle, as shares of it, at which it is compared with the next one; unequal distances find more."""
-_LATER = 1e-6
-"""Share of a cycle after its ends at which drives and loads are compared, since laws may jump at the ends."""
 _MOST = 20_000
 """Largest number of instants at which laws are checked before the computation."""
 MAX_STORED = 40_000
@@ -103,32 +96,6 @@ def refuse_unrepeated(reason: str | None) -> None:
             "solve.start", "periodic", reason,
             "Make every drive, law, table and spring periodic with the cycle, or start from zero or quasistatic",
         )  # fmt: skip
-
-
-def check_repeats(
-    system: Any, driven: Sequence[str], period: float, states: Iterable[State], turns: np.ndarray | float = 0.0
-) -> None:
-    """Raise SceneError unless courses of drives, up to full turns, sizes of loads and forces of springs at some states
-    are the same a period [s] later, in the plane and in space; ``turns``: full turns of coordinates in a cycle [rad].
-    """
-    engine, mechanism = system.engine, system.mechanism
-    springs = [name for name, spring in mechanism.springs.items() if not spring.is_bushing]
-
-    def known(state: State, later: float) -> list[np.ndarray]:
-        t = state.t + (_LATER + later) * period
-        sizes = system.project(t, state.q + later * turns, state.u, state.choice).sizes
-        tensions = engine.work.springs[: len(springs), 1].copy()
-        return [*engine.courses(np.array([t])).reshape(-1, 3), *sizes[:, None], *tensions[:, None]]
-
-    pairs = [[known(state, later) for later in (0.0, 1.0)] for state in states]
-    for name, *values in zip((*driven, *mechanism.loads, *springs), *itertools.chain(*pairs), strict=True):
-        before, after = np.stack(values[::2]), np.stack(values[1::2])
-        if name in driven and mechanism.joints[name].kind != "prismatic":
-            after[:, 0] -= whole_turns(after[:, 0] - before[:, 0])
-        change = abs(after - before)
-        if change.max() > _REPEATS * max(1.0, abs(before).max()):
-            k = np.unravel_index(change.argmax(), change.shape)
-            refuse_unrepeated(UNREPEATED.format(name, before[k], after[k]))
 
 
 def _moves_freely(model: Model) -> bool:
