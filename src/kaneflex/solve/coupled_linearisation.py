@@ -101,15 +101,16 @@ def readings(model: Model, found: Linear, sensors: Mapping[str, Sensor]) -> np.n
         near.states[:, 0] = near.times if system.mechanism.free else base.t  # free courses need ascending times
         found_there = by_themselves(system, near.states, near.records)
         beside = cast(CoupledMotion, result_of(model, found_there, 0.0).motion)
-    found_values = np.zeros((len(sensors), len(x)))
-    for part in (slice(8 * n), *(slice(k, k + 1) for k in range(8 * n, len(x)))):  # section forces need inputs again
-        engine.additions[:] = given[part][-1, -engine.inputs :] if engine.inputs else 0.0
+    values, still = np.zeros((len(sensors), len(x))), [slice(8 * n)] * bool(n)
+    for part in (*still, *(slice(k, k + 1) for k in range(8 * n, len(x)))):  # section forces need inputs again
+        engine.additions[:] = given[part, given.shape[1] - engine.inputs :].sum(axis=0)
         try:
             some = beside.taken(np.arange(len(x))[part])
-            found_values[:, part] = [sensor_values(some, each) for each in sensors.values()]
+            for row, each in zip(values, sensors.values(), strict=True):
+                row[part] = sensor_values(some, each)
         finally:
             engine.additions[:] = 0.0
-    return (found_values * weights.ravel()).reshape(len(sensors), len(weights), 4).sum(axis=2)
+    return (values * weights.ravel()).reshape(len(sensors), len(weights), 4).sum(axis=2)
 
 
 def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
