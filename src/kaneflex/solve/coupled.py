@@ -32,7 +32,7 @@ from kaneflex.multibody.time.trajectory import CoupledTrajectory
 from kaneflex.solve.events import happens, until_stop
 from kaneflex.solve.initial import SavedState, closed_state, given_start, state_after, written_state
 from kaneflex.solve.quasistatic import slow_state
-from kaneflex.solve.run_checks import INSTANTS, UNREPEATED, check_laws, refuse_unrepeated
+from kaneflex.solve.run_checks import INSTANTS, UNREPEATED, check_directions, check_laws, refuse_unrepeated
 from kaneflex.solve.run_result import RunResult
 from kaneflex.support.errors import SceneError
 from kaneflex.support.weak_cache import WeakCache
@@ -70,7 +70,10 @@ def simulate_coupled(
         trajectory = integrate(system, start, times, method_of(model), progress, stop if stops else None)
     if near is not None:
         trajectory.curve.turned = near[1]
-    return until_stop(result_of(model, trajectory, time.perf_counter() - started))
+    found = until_stop(result_of(model, trajectory, time.perf_counter() - started))
+    if model.coupled is not None:
+        check_directions(model.scene, found.motion.place, lambda k: f"t = {found.times[k]:.6g} s")
+    return found
 
 
 def repeated(

@@ -70,7 +70,7 @@ def storing(model: Model) -> int:
 
 
 def not_repeated(model: Model) -> str | None:
-    """Scalar that is not periodic, in words; None if motion, loads and springs are periodic."""
+    """Scalar that is not periodic, in words; None if motion and loads are periodic."""
     period, free = model.scene.period, model.scene.free_joints
     assert period is not None  # checked with the scene
     cycle = model.motion.at(np.linspace(0.0, period, 65))
@@ -78,8 +78,7 @@ def not_repeated(model: Model) -> str | None:
     before, after = (model.motion.at(period * (shares + later)).values for later in (0.0, 1.0))
     column, sizes, changes = cycle.motion.column, abs(cycle.values).max(axis=0), abs(after - before)
     unit_of, largest = {name: unit for name, unit, *_ in model.module.SCALARS}, cycle.magnitudes(period)
-    entering = {f"{name}.torque" for name in model.scene.springs}.union(*model.monomials)
-    for name in sorted(entering & column.keys()):
+    for name in sorted({name for monomial in model.monomials for name in monomial} & column.keys()):
         k, rounding = column[name], _ROUNDING * largest.get(unit_of.get(name), 0.0)
         if changes[:, k].max() > _REPEATS * sizes[k] + rounding:
             if free and name not in model.scene.loads:

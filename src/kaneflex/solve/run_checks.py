@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from kaneflex.mechanism.closure import SWEEP
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene.options import Options
+from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import SceneError
 from kaneflex.support.machine import gib, installed
 
@@ -104,20 +105,32 @@ def _moves_freely(model: Model) -> bool:
 
 
 def _check_springs(model: Model) -> None:
-    """Raise SceneError if the ends of a spring with free length or damper meet: its direction is undefined there.
-
-    Where free joints are known only after the run, just the start is checked.
-    """
+    """Check springs along the rigid motion; where free joints are known only after the run, just at the start."""
     scene, motion = model.scene, model.motion
-    directed = {name: s for name, s in scene.springs.items() if s.between and (s.length or s.damping)}
-    if not directed:
+    if not scene.springs:
         return
-    from kaneflex.mechanism.springs import points_meet
-
     unknown = _moves_freely(model) and model.coupled_in_space is None
     rigid = motion.at(motion.begin + np.linspace(0.0, 0.0 if unknown else model.options.duration, SWEEP + 1))
+
+    def instant(k: int) -> str:
+        first = {drive: rigid[f"{drive}.angle"][k] for drive in [*scene.drives][:1]}
+        return mechanism_of(scene).written(first) if first else f"t = {rigid.times[k]:.6g} s"
+
+    check_directions(scene, lambda body, at: rigid.frame(body).place(at), instant)
+
+
+def check_directions(
+    scene: Scene, place: Callable[[str, tuple[float, ...]], np.ndarray], instant: Callable[[int], str]
+) -> None:
+    """Raise SceneError if the ends of a spring with free length or damper meet: its direction is undefined there.
+
+    ``place``: positions of a body's point, (D, n_times); ``instant``: the k-th instant in words.
+    """
+    from kaneflex.mechanism.springs import points_meet
+
+    directed = {name: s for name, s in scene.springs.items() if s.between and (s.length or s.damping)}
     for name, spring in directed.items():
-        start, end = (rigid.frame(address.body).place(scene.point(address)) for address in spring.between)
+        start, end = (place(address.body, scene.point(address)) for address in spring.between)
         d = end - start
         step = np.diff(d)
         # the closest approach may lie between two samples, on the straight line between them
@@ -125,10 +138,7 @@ def _check_springs(model: Model) -> None:
         nearest = np.linalg.norm(d[:, :-1] + share * step, axis=0)
         if (nearest > _MEETING * np.linalg.norm(d, axis=0).max()).all():
             continue
-        index = int(np.argmin(nearest))
-        first = {drive: rigid[f"{drive}.angle"][index] for drive in [*scene.drives][:1]}
-        at = f" at {mechanism_of(scene).written(first)}" if first else ""
-        raise points_meet(name, spring.between, at)
+        raise points_meet(name, spring.between, f" at {instant(int(np.argmin(nearest)))}")
 
 
 def check_memory(mechanism: Any, options: Options, scalars: int) -> None:
