@@ -141,7 +141,8 @@ def test_pictures_are_drawn_by_name_also_later_from_the_finished_folder(monkeypa
     assert cli("plot", "r", "loads", "paths").exit_code == 0
     assert {path.name for path in Path("r").glob("*.*g")} == {"motion.png", "motion.svg", "loads.png", "paths.png"}
     nothing = cli("plot", "r", "stresses")
-    assert (nothing.exit_code, nothing.stderr) == (0, "Nothing drawn: the run has no values for these pictures.\n")
+    said = "Nothing drawn: the run has nothing to show in stresses; docs/results.md says what each needs.\n"
+    assert (nothing.exit_code, nothing.stderr) == (0, said)
     refused(cli("plot", "r", "motoin"), "plots = 'motoin'", "'motion'")
     refused(cli("plot", "."), "the folder has no scene.toml")
     scene = Path("r/scene.toml")

@@ -295,6 +295,9 @@ def test_spectrum_of_known_lines():
     assert frequencies[np.argmax(amplitudes)] == 10.0
     assert amplitudes[[40, 162]] == pytest.approx([3.0, 0.01], rel=1e-6)
     assert spectrum(times, 7.0 + np.sin(2 * np.pi * 10.1 * times))[1][0] < 1e-12  # nothing of the mean
+    assert spectrum(times, (-1.0) ** np.arange(2001))[1][-1] == pytest.approx(1.0)  # at half the sampling rate
+    times[-1] -= 1e-3  # a run that an event ends half a step later
+    assert spectrum(times, record)[0] == pytest.approx(frequencies, rel=1e-12)
 
 
 def test_spectra_state_their_resolution_and_mark_natural_frequencies():
@@ -318,6 +321,7 @@ def test_the_enlargement_is_a_round_number_and_stated():
     assert times(2e6) == "enlarged 2 \u00d7 10$^{6}$ times" and times(1.0) == "in true size"
     assert found._replace(factor=None).title == "rigid mechanism"
     assert "no visible deformation" in found._replace(largest=1e-12).title
+    assert found._replace(largest=0.0).title == "no deformation"
 
 
 @pytest.mark.parametrize(("value", "expected"), [(1.0, 1), (1.99, 1), (2.0, 2), (49.9, 20), (0.7, 0.5), (0.0, 1)])

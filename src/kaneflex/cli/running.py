@@ -287,7 +287,8 @@ def plot(folder: Path, kinds: tuple[str, ...], **options: Any) -> None:
     for path in drawn:
         echo(f"Written to {path}")
     if not drawn:
-        echo("Nothing drawn: the run has no values for these pictures.", err=True)
+        which = " ".join(kinds_of(target.kinds or ""))
+        echo(f"Nothing drawn: the run has nothing to show in {which}; docs/results.md says what each needs.", err=True)
 
 
 def _demand_same(solution: Solution, folder: Path) -> None:

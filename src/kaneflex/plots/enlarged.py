@@ -46,7 +46,8 @@ class Enlarged(NamedTuple):
             return "rigid mechanism"
         if not self.visible:
             size, unit = readable("m", np.array(self.largest))
-            return f"no visible deformation (at most {size * self.largest:.2g} {unit})"
+            most = f"{size * self.largest:.2g} {unit}"
+            return f"no visible deformation (at most {most})" if self.largest else "no deformation"
         return f"deformation {times(self.factor)}"
 
 

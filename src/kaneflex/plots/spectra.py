@@ -47,7 +47,7 @@ def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
     Parameters
     ----------
     times : ndarray (n + 1,)
-        Equally spaced instants [s]; the last sample only ends the record, whose length is T = times[-1] - times[0].
+        Equally spaced instants [s]; the last sample, which may be nearer, only ends the record of T = n steps.
     values : ndarray (n + 1,)
 
     Returns
@@ -59,7 +59,8 @@ def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
     window = 0.5 - 0.5 * np.cos(2 * math.pi * np.arange(n) / n)
     record = values[:-1] - np.average(values[:-1], weights=window)
     amplitudes = 2.0 / window.sum() * np.abs(np.fft.rfft(window * record))
-    return np.arange(len(amplitudes)) / (times[-1] - times[0]), amplitudes
+    amplitudes[-1] /= 2 - n % 2  # half the sampling rate has no negative counterpart
+    return np.arange(len(amplitudes)) / (n * (times[1] - times[0])), amplitudes
 
 
 def figures(solution: Solution) -> dict[str, Figure]:

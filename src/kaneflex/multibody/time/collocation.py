@@ -51,6 +51,9 @@ _NEAR, _CLOSE = 1e-3, 1e-5
 friction and contacts, whose powers in the stages are balanced, and for repeated steps, which are compared."""
 _SLOW = 0.3
 """Contraction of Newton's iteration above which residuals in space are taken as accelerations from then on."""
+_OF_ACCELERATIONS = 1e-2
+"""Weight of changes of accelerations, in tolerances, if these are bounded: their errors at the end of a short step
+would remain in all attempts at the next one."""
 _FAR = 100.0
 """Steps, in lengths of the last one, up to which its polynomial is extrapolated."""
 
@@ -175,6 +178,7 @@ def _improve(m, table, h, A, B):
                 d = one * A[answer + k] + (two * B[answer + k]).real
                 w[plan[STAGE_A] + n * i + k] += d
                 change = larger(change, h * h * abs(d) / w[plan[SCALE] + k])
+                change = larger(change, _OF_ACCELERATIONS * abs(d) / w[plan[ACCEL_SCALE] + k])
         for r in range(count + m.pivots[YIELDING]):
             row = factors.reaction_of(m, r)
             if row >= 0:
@@ -196,6 +200,8 @@ def _iterate(m, table, t, h, state, replayed, counts, A, B):
     no_inline()
     before, plan = 0.0, m.plan
     touches = plan[FRICTIONS] < plan[DRIVES] or plan[CONTACTS] < plan[ACTS]
+    bounded = m.w[plan[ACCEL_SCALE]] < 1e300
+    rounded = 1.0 if replayed else _OF_ACCELERATIONS if bounded else 0.0  # a change that may be rounding
     enough = _CLOSE if replayed or touches or table.ends[0] == 0.0 else _NEAR
     for iteration in range(30 if replayed else 10):
         counts[2] += 1
@@ -210,7 +216,7 @@ def _iterate(m, table, t, h, state, replayed, counts, A, B):
             return False
         if iteration > 0:
             rate = change / before
-            if replayed and rate >= 0.5 and change < 1.0:  # the change is rounding
+            if rate >= 0.5 and change < rounded:
                 return True
             slow = m.pivots[BY_FORCES] and m.pivots[YIELDING] == plan[VIRTUAL]
             if rate >= (_SLOW if slow else 1.0) and change > 1e-3:
