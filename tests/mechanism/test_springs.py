@@ -74,7 +74,7 @@ def test_a_spring_without_free_length_pulls_through_the_point_where_its_ends_mee
     with pytest.raises(SceneError) as error:
         solve(scene + spring % ", length = 0.1" + RIGID)
     assert str(error.value) == (
-        "springs.band.between = 'ground.post and bar.end': its points coincide at pivot = 0 deg, so forces by length "
+        "springs.band.between = 'ground.post and bar.end': its points coincide at t = 0 s, so forces by length "
         "or damping have no direction. Move one of the points, or give only stiffness."
     )
 

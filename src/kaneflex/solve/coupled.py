@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, cast
@@ -72,7 +71,7 @@ def simulate_coupled(
         trajectory.curve.turned = near[1]
     found = until_stop(result_of(model, trajectory, time.perf_counter() - started))
     if model.coupled is not None:
-        check_directions(model.scene, found.motion.place, lambda k: f"t = {found.times[k]:.6g} s")
+        check_directions(model.scene, found.times, found.motion.place)
     return found
 
 
@@ -89,25 +88,22 @@ def repeated(
     system, begin, period = model.coupled_system, float(times[0]), model.options.duration
     system.engine.compile()
     equations, first = _of_cycle(model, near)
-    repeats = partial(_check_repeats, system, system.engine.layout.driven, period)
-    repeats([near or first])
+    _check_repeats(system, period, [near or first])
     cycles = Cycles(equations, times, method_of(model), closer)
     if near is None and not cycles.touches:
         shapeless = partial(_undeformed, model, first, equations.choice)
         first = orbit_start(equations, shapeless, begin, period, HARMONICS) or equations.equilibrium(first) or first
     trajectory, verdict = cycles.repeated(near or first, progress)
     if verdict is not None and verdict.outcome is not Outcome.NO_PERIODIC_STATE:
-        repeats([*cycles.along(trajectory, INSTANTS)], cycles.turns(trajectory))
+        _check_repeats(system, period, [*cycles.along(trajectory, INSTANTS)], cycles.turns(trajectory))
     return trajectory if verdict is None else replace(trajectory, **verdict._asdict())
 
 
-def _check_repeats(
-    system: Any, driven: Sequence[str], period: float, states: Iterable[State], turns: np.ndarray | float = 0.0
-) -> None:
+def _check_repeats(system: Any, period: float, states: Sequence[State], turns: np.ndarray | float = 0.0) -> None:
     """Raise SceneError unless courses of drives, up to full turns, sizes of loads and forces of springs at some states
     are the same a period [s] later, in the plane and in space; ``turns``: full turns of coordinates in a cycle [rad].
     """
-    engine, mechanism = system.engine, system.mechanism
+    engine, mechanism, driven = system.engine, system.mechanism, system.engine.layout.driven
     springs = [name for name, spring in mechanism.springs.items() if not spring.is_bushing]
 
     def known(state: State, later: float) -> list[np.ndarray]:
@@ -116,9 +112,9 @@ def _check_repeats(
         tensions = engine.work.springs[: len(springs), 1].copy()
         return [*engine.courses(np.array([t])).reshape(-1, 3), *sizes[:, None], *tensions[:, None]]
 
-    pairs = [[known(state, later) for later in (0.0, 1.0)] for state in states]
-    for name, *values in zip((*driven, *mechanism.loads, *springs), *itertools.chain(*pairs), strict=True):
-        before, after = np.stack(values[::2]), np.stack(values[1::2])
+    cycles = ([known(state, later) for state in states] for later in (0.0, 1.0))
+    both = (map(np.stack, zip(*cycle, strict=True)) for cycle in cycles)
+    for name, before, after in zip((*driven, *mechanism.loads, *springs), *both, strict=True):
         if name in driven and mechanism.joints[name].kind != "prismatic":
             after[:, 0] -= whole_turns(after[:, 0] - before[:, 0])
         change = abs(after - before)

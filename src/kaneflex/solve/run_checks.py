@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kaneflex.mechanism.closure import SWEEP
-from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene.options import Options
+from kaneflex.scene.quantities import Vector
 from kaneflex.scene.scene import Scene
 from kaneflex.support.errors import SceneError
 from kaneflex.support.machine import gib, installed
@@ -106,25 +106,16 @@ def _moves_freely(model: Model) -> bool:
 
 def _check_springs(model: Model) -> None:
     """Check springs along the rigid motion; where free joints are known only after the run, just at the start."""
-    scene, motion = model.scene, model.motion
-    if not scene.springs:
-        return
-    unknown = _moves_freely(model) and model.coupled_in_space is None
-    rigid = motion.at(motion.begin + np.linspace(0.0, 0.0 if unknown else model.options.duration, SWEEP + 1))
-
-    def instant(k: int) -> str:
-        first = {drive: rigid[f"{drive}.angle"][k] for drive in [*scene.drives][:1]}
-        return mechanism_of(scene).written(first) if first else f"t = {rigid.times[k]:.6g} s"
-
-    check_directions(scene, lambda body, at: rigid.frame(body).place(at), instant)
+    if model.scene.springs:
+        known = 0.0 if _moves_freely(model) and model.coupled_in_space is None else model.options.duration
+        rigid = model.motion.at(model.motion.begin + np.linspace(0.0, known, SWEEP + 1))
+        check_directions(model.scene, rigid.times, lambda body, at: rigid.frame(body).place(at))
 
 
-def check_directions(
-    scene: Scene, place: Callable[[str, tuple[float, ...]], np.ndarray], instant: Callable[[int], str]
-) -> None:
+def check_directions(scene: Scene, times: np.ndarray, place: Callable[[str, Vector], np.ndarray]) -> None:
     """Raise SceneError if the ends of a spring with free length or damper meet: its direction is undefined there.
 
-    ``place``: positions of a body's point, (D, n_times); ``instant``: the k-th instant in words.
+    ``place``: function that gives the positions of a body's point at ``times`` [s], (D, n_times).
     """
     from kaneflex.mechanism.springs import points_meet
 
@@ -138,7 +129,7 @@ def check_directions(
         nearest = np.linalg.norm(d[:, :-1] + share * step, axis=0)
         if (nearest > _MEETING * np.linalg.norm(d, axis=0).max()).all():
             continue
-        raise points_meet(name, spring.between, f" at {instant(int(np.argmin(nearest)))}")
+        raise points_meet(name, spring.between, f" at t = {times[np.argmin(nearest)]:.6g} s")
 
 
 def check_memory(mechanism: Any, options: Options, scalars: int) -> None:
