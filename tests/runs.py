@@ -15,12 +15,11 @@ from kaneflex.generated import shapes as kernels
 from kaneflex.integrate.system import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.joints import Constraints, reactions
-from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model import layout as at
 from kaneflex.multibody.model import tree_layout as of
-from kaneflex.multibody.model.body_parameters import body_moments, link_data
+from kaneflex.multibody.model.body_parameters import link_data
 from kaneflex.multibody.model.state import State
 from kaneflex.multibody.model.system import System
 from kaneflex.multibody.model.tree_builder import side_of
@@ -91,7 +90,7 @@ def folded(system: System, t: float, q: np.ndarray, v: np.ndarray) -> State:
     engine.part()
     layout = engine.layout
     for body, (first, count) in zip(layout.node_of, bodies[:, [at.MODAL, at.SHAPES]].tolist(), strict=True):
-        for part, given in zip(engine.motion, (q, v), strict=False):
+        for part, given in zip(engine.motion, (q, v), strict=False) if count else ():
             part[first : first + count] = given[shapes_of(system, body)]
     engine.openings(t)  # deforms the bodies
     places, rates, *_ = engine.motion
@@ -99,6 +98,8 @@ def folded(system: System, t: float, q: np.ndarray, v: np.ndarray) -> State:
         moves = slice(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
         if name is None:
             places[moves], rates[moves] = np.split(np.array(_section(system, Side(body, (0.0, 0.0, 0.0)), q, v)), 2)
+            continue
+        if name not in system.mechanism.joints:  # of a lumped mass
             continue
         (node,), sign = layout.tree[name]
         sides = system.mechanism.joints[name].sides[::sign]  # the outer one is the second
@@ -194,8 +195,7 @@ def at_instant(found: Model, affine: Affine, t: float) -> np.ndarray:
 def moments(found: Model, body: str) -> dict[str, np.ndarray]:
     """ARRAYS of a body under preset coupled."""
     system = found.coupled
-    data = link_data(system.shapes[body]) if body in system.shapes else found.scene.bodies[body].modal
-    return body_moments(mechanism_of(found.scene), body, data)
+    return (link_data(system.shapes[body]) if body in system.shapes else found.scene.bodies[body].modal).arrays
 
 
 def solved(scene: Scene, *settings: str) -> Solution:

@@ -302,3 +302,12 @@ def test_a_link_that_nothing_holds_is_reduced_with_its_rigid_motion():
 
     errors = [apart(modes) for modes in (2, 6, 24)]
     assert errors[0] < 0.2 and errors[1] < 0.1 * errors[0] and errors[2] < 1e-9
+
+
+def test_numbers_without_a_sense_are_refused():
+    """In wrong units, or with a digit too many: the message asks to check them."""
+    with pytest.raises(SceneError, match=r"^bodies: the mass matrix is numerically singular.* Check their units"):
+        lowest_modes(csr_array(np.eye(2)), csr_array(np.diag([1.0, -1e-30])), 1)
+    huge = with_settings(read_scene("four-bar-misaligned"), ["solve.preset=coupled", "bodies.crank.length=3e30 m"])
+    with pytest.raises(SceneError, match=r"^bodies: lengths or distances are too large .* Check their units"):
+        load(huge)

@@ -5,7 +5,7 @@ from lifting import lifted
 from parity import PRESETS, RejectedInPlane, compared, planar, planar_scenes, random_turn
 from runs import solved
 
-from kaneflex import SceneError, load, scene_of, with_settings
+from kaneflex import SceneError, load, read_scene, scene_of, with_settings
 from kaneflex.scene.sensors import SECTION_KINDS
 
 LEFT_OUT = {
@@ -33,6 +33,34 @@ def test_a_lifted_scene_gives_the_planar_numbers(name, preset):
         error = rejected.args[0]
         pytest.skip(f"rejected in the plane: {error.key}")
     assert all(rejected_in_space(flat.sensors[sensor.partition("_in_")[0]], preset) for sensor in found.rejected)
+    assert [each for each in found.sensors if not each.agrees] == []
+
+
+@pytest.mark.parametrize("preset", ["linear", "stiffened", "quasistatic"])
+def test_a_body_without_joints_deforms_in_space_as_in_the_plane(preset):
+    """Its rigid motion is part of its displacements in the plane: without damping they are the only difference."""
+    flat = with_settings(planar("free-rod", preset), ["solve.duration=0.5 ms", "solve.steps=500"])
+    flat = scene_of({key: table for key, table in flat.raw.items() if key != "damping"})
+    deep = solved(scene_of(lifted(flat, random_turn("free-rod")) | {"solve": flat.raw["solve"]}))
+    for name in ("bow", "mid_moment", "mid_acceleration"):
+        wanted = solved(flat)[name].values
+        assert abs(deep[name].values - wanted).max() < 1e-5 * abs(wanted).max()
+
+
+def test_inertia_relief_in_closed_form():
+    """A slow blow F in the middle of a free beam of mass m: acceleration F / m, bending moment F l / 8."""
+    law = "loads.blow.law=1000 * exp(-((t - 0.025) / 2e-3)**2)"
+    found = solved(with_settings(read_scene("free-rod"), ["solve.preset=quasistatic", "solve.duration=50 ms", law]))
+    assert found["mid_acceleration"].values.max() == pytest.approx(1000 / 0.153, rel=1e-3)
+    assert found["mid_moment"].values.min() == pytest.approx(-1000 * 0.137 / 8, rel=1e-6)
+
+
+def test_a_lumped_mass_on_a_link_that_shortens_keeps_its_own_inertia():
+    """Links bend by a sixtieth of their length: what shortens them moves the masses at their ends, too."""
+    settings = ["masses.at_first.mass=96 g", "masses.at_second.mass=96 g", "solve.start=zero"]
+    flat = with_settings(planar("four-bar", "coupled"), settings)
+    found = compared(flat, random_turn("four-bar"))
+    assert max(each.peak for each in found.sensors if each.name == "coupler_mid") > 4e-3
     assert [each for each in found.sensors if not each.agrees] == []
 
 

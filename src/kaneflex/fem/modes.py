@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from kaneflex.mechanism.affine import Matrix, as_array
+from kaneflex.support.errors import SceneError
 
 _DENSE_UP_TO = 150
 _ADAMS = (100.0, 1000.0), np.array([0.01, 0.1, 1.0])
@@ -53,8 +54,15 @@ def lowest_modes(stiffness: Matrix, mass: Matrix, count: int) -> tuple[np.ndarra
 
 
 def symmetric_modes(stiffness: np.ndarray, mass: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest omega^2 and mass-normalised shapes by M = L L^T, as LAPACK's dsygvd has them, without importing scipy."""
-    lower = np.linalg.cholesky(mass)
+    """Lowest omega^2 and mass-normalised shapes by M = L L^T, as LAPACK's dsygvd has them, without importing scipy.
+
+    Raises SceneError if M is not positive definite.
+    """
+    try:
+        lower = np.linalg.cholesky(mass)
+    except np.linalg.LinAlgError:
+        reason = "the mass matrix is numerically singular: masses or lengths differ too much"
+        raise SceneError("bodies", None, reason, "Check their units") from None
     squares, turned = np.linalg.eigh(np.linalg.solve(lower, np.linalg.solve(lower, stiffness).T))
     return squares[:count], np.linalg.solve(lower.T, turned[:, :count])
 

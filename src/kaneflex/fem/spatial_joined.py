@@ -227,7 +227,7 @@ class Joined:
         J = self._scaled_rows(motion)
         if still is not None:
             J[:, :, still[self.tied]] = 0.0
-        used = np.flatnonzero(abs(J).max(axis=(0, 2)) > ZERO)
+        used = np.flatnonzero(abs(J).max(axis=(0, 2), initial=0.0) > ZERO)
         furthest, left = _apart_at_all(J[:, used])
         if left.any():
             raise SceneError(
@@ -251,7 +251,7 @@ class Joined:
     def _scaled_rows(self, motion: RigidMotion) -> np.ndarray:
         """The rows at the instants of a motion, (n_times, rows, tied), each by its largest entry."""
         J = self.rows(motion, orders=1)[0] * self.measure[self.tied]
-        return J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
+        return J / abs(J).max(axis=(0, 2), initial=1e-300)[:, None]
 
     def _named(self, rows: np.ndarray) -> list[str]:
         """Names of the joints with some of the rows."""

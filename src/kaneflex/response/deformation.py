@@ -12,7 +12,7 @@ import numpy as np
 from kaneflex.fem.assembly import in_own_axes, load_on_link, spin_or_euler
 from kaneflex.fem.coordinate_map import Placed
 from kaneflex.fem.links import Link, Part, node_coordinates
-from kaneflex.mechanism.affine import Affine, Monomial, solve
+from kaneflex.mechanism.affine import Affine, Monomial, as_array, solve
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_bodies import Site
@@ -23,6 +23,8 @@ from kaneflex.response.section_forces import carried, spread_loads
 from kaneflex.scene.options import Options
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
+_HELD = 1e-6
+"""Share of the largest load up to which a difference of loads and stiffness is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,11 +254,24 @@ def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine, iner
 def as_balanced(
     model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine, inertial: bool = True
 ) -> Rates:
-    """Coordinates q, q', q'' as in the model's equations: quasi-static ones have no rates in the axes of the bodies."""
+    """Coordinates q, q', q'' as in the model's equations: quasi-static ones have no rates in the axes of the bodies,
+    but the accelerations of :func:`relieved`."""
     if model.options.dynamics != "quasistatic":
         return follow(model, rigid, coordinates, L, inertial)
-    q = rigid.apply(L, coordinates[0])
-    return q, np.zeros_like(q), np.zeros_like(q)
+    z = coordinates[0]
+    q = rigid.apply(L, z)
+    return q, np.zeros_like(q), rigid.apply(L, relieved(model, rigid, z))
+
+
+def relieved(model: Model, rigid: RigidMotion, z: np.ndarray) -> np.ndarray:
+    """Accelerations of the rigid-body modes that nothing holds, in a quasi-static solution z by inertia relief, (n,
+    n_times): M r = F - K z, zero where K z = F."""
+    load = rigid.column_of(model.kept["F"])
+    left, found = load - rigid.apply(model.kept["K"], z), np.zeros_like(load)
+    moves = abs(left).max(axis=0, initial=0.0) > _HELD * abs(load).max(initial=0.0)
+    for k in np.flatnonzero(moves).tolist():
+        found[:, k] = np.linalg.solve(as_array(rigid.taken(np.array([k])).first(model.kept["M"])), left[:, k])
+    return found
 
 
 def demanded(

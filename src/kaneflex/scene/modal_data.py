@@ -147,11 +147,6 @@ class ModalData:
         found = np.flatnonzero(abs(self.places - place).max(axis=1) <= _SAME * self.length)
         return int(found[0]) if len(found) else None
 
-    def at_point(self, point: str) -> dict[str, np.ndarray]:
-        """Arrays of one of the points, by the names of POINT_ARRAYS."""
-        k = self.points.index(point)
-        return {name: self.arrays[name][k] for name in POINT_ARRAYS}
-
 
 def inertia_tensor(second: np.ndarray) -> np.ndarray:
     """Inertia tensor from a body's second moments, both (3, 3) [kg m^2]."""

@@ -111,15 +111,7 @@ def run_of(model: Model) -> Run:
 
         start = given_state(model)
     return Run(
-        model.system,
-        model.scalars,
-        0.0,
-        model.step,
-        options.steps,
-        options.integrator,
-        start=start,
-        period_steps=options.steps if options.start == "periodic" else None,
-        every=storing(model),
-        rho_infinity=options.rho_infinity,
-        tolerance=options.tolerance,
-    )
+        model.system, model.scalars, 0.0, model.step, options.steps, options.integrator, start=start,
+        period_steps=options.steps if options.start == "periodic" else None, every=storing(model),
+        rho_infinity=options.rho_infinity, tolerance=options.tolerance,
+    )  # fmt: skip

@@ -15,6 +15,7 @@ import numpy as np
 
 from kaneflex.mechanism.affine import as_array, entries
 from kaneflex.multibody.model.bound_model import Model
+from kaneflex.response.deformation import relieved
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
@@ -43,7 +44,8 @@ def quasistatic(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Solve K z = F without inertia and without damping.
 
-    Rigid-body modes R (K_s R = 0) are handled by inertia relief: K z = F - M R (R^T M R)^-1 R^T F with R^T M z = 0.
+    Rigid-body modes R (K_s R = 0) are handled by inertia relief: K z = F - M r with their accelerations r = R (R^T M
+    R)^-1 R^T F, and R^T M z = 0.
 
     Parameters
     ----------
@@ -53,13 +55,13 @@ def quasistatic(
     Returns
     -------
     z, v, a : ndarray (n_times, n)
-        Displacements, and their first and second time derivatives by central differences of fourth order.
+        Displacements, and their first and second time derivatives by central differences of fourth order, with r.
     """
-    load = model.motion.at(times).column_of(model.kept["F"]).T
-    z = solutions(model, times, load, progress)
+    rigid = model.motion.at(times)
+    z = solutions(model, times, rigid.column_of(model.kept["F"]).T, progress)
     step = times[1] - times[0]
     v = rate_of(z, step, periodic)
-    return z, v, rate_of(v, step, periodic)
+    return z, v, rate_of(v, step, periodic) + relieved(model, rigid, z.T).T
 
 
 def solutions(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
 from types import ModuleType
 from typing import Any
@@ -15,6 +15,8 @@ from kaneflex.fem.links import make_link
 from kaneflex.mechanism.floating_frames import link_modes, most_modes
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.numbers import mesh
+from kaneflex.mechanism.parts import Body, Joint
+from kaneflex.mechanism.planar import BodyPoint
 from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.multibody.dynamics.arrays import Instants
 from kaneflex.multibody.engine import Engine
@@ -106,12 +108,27 @@ def _system(
     in_laws = (*mechanism.drives, *mechanism.observed)
     integrates = coupled or not space or bool(mechanism.free_joints or mechanism.floating)
     blocks: Any = SpatialBlocks if space else Blocks
-    built = build_tables(blocks(mechanism, flexible), in_laws, mechanism.prescribed, switches, rubs)
+    whole = mechanism if space or not flexible else with_apart_masses(mechanism)
+    built = build_tables(blocks(whole, flexible), in_laws, mechanism.prescribed, switches, rubs)
     kind = _kind(mechanism, switches, coupled or (integrates and has_slopes(mechanism, in_laws)))
     engine = engine_of(built, module, p, kind=kind, integrates=integrates)
     made = [(name, built.made[name]) for name in flexible]
     links = {name: each for name, each in made if isinstance(each, Shapes)}
     return System(module, mechanism, engine, links, coupled)
+
+
+def with_apart_masses(mechanism: NumericMechanism) -> NumericMechanism:
+    """Mechanism with rigid bodies, held by welds, in place of the lumped masses of deforming bodies, as in space: their
+    inertia is that of their own motion, of which the numbers of a deforming body leave out squares of its shortening.
+    """
+    bodies, joints, masses = dict(mechanism.bodies), dict(mechanism.joints), dict(mechanism.masses)
+    for name, mass in mechanism.masses.items():
+        if mass.point.body in mechanism.deforming:
+            body = f"masses.{name}"
+            bodies[body] = Body(body, False, mass.mass, (0.0, 0.0), mass.inertia)
+            joints[body] = Joint(body, "weld", mass.point, BodyPoint(body, "start", (0.0, 0.0)))
+            del masses[name]
+    return replace(mechanism, bodies=bodies, joints=joints, masses=masses)
 
 
 def _kind(mechanism: AnyMechanism, switches: int, stiff: bool) -> Kind:

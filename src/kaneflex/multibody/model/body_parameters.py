@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +14,7 @@ from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.spatial import SpatialMechanism
 from kaneflex.multibody.model.shapes import ShapeMoments, Shapes, in_reading_order
 from kaneflex.multibody.model.tree_layout import Deformable, Flexible, Names
-from kaneflex.scene.modal_data import ARRAYS, ModalData, planar_arrays, spatial_modal_data
+from kaneflex.scene.modal_data import ModalData, planar_arrays, spatial_modal_data
 
 Arrays = Mapping[str, Any]
 _LIGHT = 1e-9
@@ -38,10 +37,10 @@ class Blocks:
 
     def body(self, name: str, shapes: Deformable | None = None) -> np.ndarray:
         """Numbers of a body."""
-        given = self.mechanism.deforming.get(name)
-        data = link_data(shapes) if isinstance(shapes, Shapes) else given and given.modal
-        moments = body_moments(self.mechanism, name, data)
-        return np.concatenate([rigid_numbers(moments), np.zeros(0) if shapes is None else shape_numbers(moments)])
+        if shapes is None:
+            return body_numbers(self.mechanism, name)
+        data = link_data(shapes) if isinstance(shapes, Shapes) else self.mechanism.deforming[name].modal
+        return shaped_numbers(data.arrays)
 
     def is_light(self, numbers: np.ndarray | None) -> bool:
         """True if a body with these numbers has no mass, or no inertia about some axis."""
@@ -91,16 +90,10 @@ class SpatialBlocks:
                 [(f"{body}.shape_{k}", unit) for k, unit in enumerate(units)])  # fmt: skip
 
 
-def rigid_numbers(moments: Arrays) -> np.ndarray:
-    """Numbers of a planar body without shapes, from :func:`body_moments`."""
-    mass, first = moments["mass"], np.array([moments["mass_X"], moments.get("mass_Y", 0.0)])
-    centre = first / mass if mass else first
-    second = moments["mass_X_X"] + moments.get("mass_Y_Y", 0.0) + moments["inertia"]
-    return np.array([mass, *centre, second - mass * centre @ centre])
-
-
-def shape_numbers(moments: Arrays) -> np.ndarray:
-    """Numbers of a planar body's shapes, from :func:`body_moments`: a section moves its fibres at y by -y psi."""
+def shaped_numbers(moments: Arrays) -> np.ndarray:
+    """Numbers of a planar body and its shapes from its moments ARRAYS: a section moves its fibres at y by -y psi."""
+    mass, first = moments["mass"], moments["mass_X"]
+    rigid = mass, first / mass, 0.0, moments["mass_X_X"] + moments["inertia"] - first * first / mass
     s, w = slice(len(moments["mass_s"])), slice(len(moments["mass_s"]), None)
     count, rotary = len(moments["stiffness"]), moments["inertia_psi_psi"]
     N, r_N, N_N, G, r_G = (np.zeros((*(3,) * axes, *(count,) * shapes))
@@ -111,7 +104,7 @@ def shape_numbers(moments: Arrays) -> np.ndarray:
     N_N[0, 1, s, w], N_N[1, 0, w, s] = moments["mass_s_w"], moments["mass_s_w"].T
     G[0, w, w], r_G[0, 0, w, w], r_G[1, 1, w, w] = -moments["mass_H"], -moments["mass_X_H"], -rotary
     found = ShapeMoments(N, r_N, N_N, G, r_G)
-    return found.numbers([s.stop], np.diag(moments["stiffness"]), moments["damping"])
+    return np.array([*rigid, *found.numbers([s.stop], np.diag(moments["stiffness"]), moments["damping"])])
 
 
 def point_numbers(axial: int, rows: np.ndarray, shortening: np.ndarray) -> np.ndarray:
@@ -122,32 +115,14 @@ def point_numbers(axial: int, rows: np.ndarray, shortening: np.ndarray) -> np.nd
     return np.concatenate([[axial], *in_reading_order(of_kind, sums)])
 
 
-def body_moments(mechanism: NumericMechanism, name: str, data: ModalData | None) -> dict[str, np.ndarray]:
-    """Inertia moments ARRAYS of a body with its lumped masses.
-
-    A rigid body has mass [kg], first [kg m] and second moments [kg m^2] and inertia only; it may have mass off the
-    axis: mass_Y, mass_X_Y, mass_Y_Y.
-    """
+def body_numbers(mechanism: NumericMechanism, name: str) -> np.ndarray:
+    """Mass [kg], mass centre [m] and inertia about it [kg m^2] of a rigid body in the plane with its lumped masses."""
     body = mechanism.bodies[name]
     lumped = [mass for mass in mechanism.masses.values() if mass.point.body == name]
-    if data is not None:
-        found = {key: data.arrays[key] for key in ARRAYS}
-        slices = [(mass.mass, mass.inertia, data.at_point(mass.point.name)) for mass in lumped]
-    else:
-        found = dict.fromkeys(_RIGID, np.zeros(()))
-        slices = [(mass.mass, mass.inertia, mass.point.at) for mass in lumped]
-        slices = [(body.mass, body.inertia, body.centre), *slices]
-        slices = [(mass, inertia, dict(zip("XY", at, strict=True))) for mass, inertia, at in slices]
-    for key in found:
-        of, *factors = key.split("_")
-        for mass, inertia, at in slices:
-            amount = {"mass": mass, "inertia": inertia}.get(of)
-            if amount is not None:
-                found[key] = found[key] + reduce(np.multiply.outer, [at[factor] for factor in factors], amount)
-    return found
-
-
-_RIGID = ("mass", "mass_X", "mass_Y", "mass_X_X", "mass_X_Y", "mass_Y_Y", "inertia")
+    parts = [(body.mass, body.inertia, body.centre), *((mass.mass, mass.inertia, mass.point.at) for mass in lumped)]
+    mass, inertia, at = (np.array(each, float) for each in zip(*parts, strict=True))
+    centre = mass @ at / (mass.sum() or 1.0)
+    return np.array([mass.sum(), *centre, inertia.sum() + mass @ ((at - centre) ** 2).sum(axis=1)])
 
 
 def link_data(shapes: Shapes) -> ModalData:

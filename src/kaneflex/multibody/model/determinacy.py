@@ -59,7 +59,9 @@ def without_work(system: System, state: State) -> np.ndarray:
 
 def self_equilibrated(rows: np.ndarray) -> np.ndarray:
     """Orthonormal combinations of rows (m, n) that act on nothing, (m, combinations); of the transposed Jacobian, its
-    free motions."""
+    free motions. Raises SceneError for rows that are not finite."""
+    if not np.isfinite(rows).all():
+        raise SceneError("bodies", None, "lengths or distances are too large to be computed with", "Check their units")
     sums, sizes, _ = np.linalg.svd(rows)
     return sums[:, int((sizes > _RANK * sizes.max(initial=0.0)).sum()) :]
 

@@ -276,7 +276,7 @@ def undetermined(found: SpatialMap, motion: SpatialMotion) -> frozenset[str]:
     J, where = joined.rows(motion), joined.where
     for instant in range(len(motion.times)):
         here, at = J[0, instant] * joined.measure[joined.tied], motion.taken(np.array([instant]))
-        scale = np.maximum(abs(here).max(axis=1), 1e-300)
+        scale = abs(here).max(axis=1, initial=1e-300)
         for combination in self_equilibrated(here / scale[:, None]).T:
             forces = dict[str, float]()
             for name, own in where.items():
