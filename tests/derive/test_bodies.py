@@ -23,7 +23,7 @@ from kaneflex.generated import joints, shapes, spatial, spatial_shapes
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.spatial import Side
 from kaneflex.multibody.model.assembly import build_system
-from kaneflex.multibody.model.body_parameters import Blocks, point_numbers, rigid_numbers, shape_numbers
+from kaneflex.multibody.model.body_parameters import Blocks, point_numbers, shaped_numbers
 from kaneflex.multibody.model.shapes import ShapeMoments, Shapes
 from kaneflex.multibody.model.topology import build_tables
 
@@ -160,7 +160,7 @@ def test_a_bar_of_shapes(axial, transverse):
         q, v, a = MOTIONS.uniform(-1, 1, (3, count))
         a_x, a_y, omega, epsilon = motion = MOTIONS.uniform(-1, 1, 4)
         arrays, forces, mass = bar_by_hand(axial, transverse, q, v, a, elastic, motion)
-        p = behind(7, np.concatenate([rigid_numbers(arrays), shape_numbers(arrays)]))
+        p = behind(7, shaped_numbers(arrays))
         w, out, parts = np.array([np.nan, omega, a_x, a_y, epsilon]), np.zeros(5), np.zeros(11 + count * (3 + count))
         q_4, v_4, a_4, rows = (behind(4, each) for each in (q, v, a, np.zeros(count)))
         joints.demand(p, 7, w, 1, out, 2)

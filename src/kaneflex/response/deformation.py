@@ -258,14 +258,15 @@ def as_balanced(
     but the accelerations of :func:`relieved`."""
     if model.options.dynamics != "quasistatic":
         return follow(model, rigid, coordinates, L, inertial)
-    z = coordinates[0]
+    z, basis = coordinates[0], model.modal_basis
     q = rigid.apply(L, z)
-    return q, np.zeros_like(q), rigid.apply(L, relieved(model, rigid, z))
+    r = relieved(model, rigid, z if basis is None else np.linalg.lstsq(basis, z, rcond=None)[0])
+    return q, np.zeros_like(q), rigid.apply(L, r if basis is None else basis @ r)
 
 
 def relieved(model: Model, rigid: RigidMotion, z: np.ndarray) -> np.ndarray:
     """Accelerations of the rigid-body modes that nothing holds, in a quasi-static solution z by inertia relief, (n,
-    n_times): M r = F - K z, zero where K z = F."""
+    n_times): M r = F - K z of the equations that were solved, zero where K z = F."""
     load = rigid.column_of(model.kept["F"])
     left, found = load - rigid.apply(model.kept["K"], z), np.zeros_like(load)
     moves = abs(left).max(axis=0, initial=0.0) > _HELD * abs(load).max(initial=0.0)
