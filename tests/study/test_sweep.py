@@ -105,6 +105,8 @@ def test_coordinates_carry_the_studys_unit_and_can_be_unstacked(swept):
     assert found["drives.main.speed"].attrs["units"] == "rpm"
     texts, about = column(["137 mm", "0.14 m"])  # in no common one
     assert (texts.tolist(), about) == (["137 mm", "0.14 m"], {})
+    laws, about = column(["20*cos(main)", "60*cos(main)"])  # which are no numbers in a unit
+    assert (laws.tolist(), about) == (["20*cos(main)", "60*cos(main)"], {})
     grid = found["crank_torque"].set_index(point=["drives.main.speed", "rod.length"]).unstack("point")
     peaks = grid.sel(statistic="max", **{"rod.length": 137.0})
     assert dict(grid.sizes) == {"statistic": 4, "drives.main.speed": 3, "rod.length": 3}

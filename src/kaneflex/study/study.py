@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -33,6 +34,10 @@ Value = Annotated[StrictBool | StrictInt | StrictFloat | StrictStr, BeforeValida
 """Value of an entry of a scene."""
 
 
+_UNIT = re.compile(r"((1/|[^\W\d_]|[%°])[\w%°^*/().·\s-]*)?")
+"""Text that may be a unit; 2 * cos(t) and 5 - t are laws."""
+
+
 def number_and_unit(value: object) -> tuple[float, str] | None:
     """Number and unit of 6000 or "6000 rpm"; None for other values."""
     if isinstance(value, bool):
@@ -40,7 +45,7 @@ def number_and_unit(value: object) -> tuple[float, str] | None:
     if isinstance(value, int | float):
         return float(value), ""
     match = NUMBER_WITH_UNIT.match(value) if isinstance(value, str) else None
-    return (float(match[1]), match[2]) if match else None
+    return (float(match[1]), match[2]) if match and _UNIT.fullmatch(match[2]) else None
 
 
 class Axis(SceneTable):
