@@ -268,15 +268,13 @@ def _long_links(bodies: Mapping[str, Body], raw: Mapping[str, Any]) -> Iterator[
 
 def _stops(key: str, table: Table, curve: np.ndarray, unit: str, horizon: float) -> Iterator[str]:
     """Warnings of the speed at the ends of a drive's table inside a run of ``horizon`` [s], where the joint stops."""
-    x, last = table.x, table.x[-1] - table.x[-2]
-    cubics = curve[len(x) + 8 : -4].tolist()
-    c1, c2, c3 = cubics[-3:]
-    ends = (x[0], cubics[1], x[0] > 0.0), (x[-1], c1 + last * (2.0 * c2 + last * 3.0 * c3), x[-1] < horizon)
-    for t, speed, inside in ends:
+    x, (_, *first), (_, *last) = table.x, *curve[len(table.x) + 4 :].reshape(-1, 4)[[1, -2]]
+    final = last @ (np.array([1.0, 2.0, 3.0]) * (x[-1] - x[-2]) ** np.arange(3))
+    for word, t, speed, inside in (("begins", x[0], first[0], x[0] > 0.0), ("ends", x[-1], final, x[-1] < horizon)):
         if inside and abs(speed) > _STOPPED * abs(np.diff(table.y) / np.diff(x)).max():
             yield (
-                f"{key}: its table {'begins' if t == x[0] else 'ends'} at {t:.4g} s with {speed:.4g} {unit}, and the "
-                "joint stands still outside, so that its speed jumps there; add rows that bring it to rest"
+                f"{key}: its table {word} at {t:.4g} s with {speed:.4g} {unit}, and the joint stands still outside, so "
+                "that its speed jumps there; add rows that bring it to rest"
             )
 
 
