@@ -217,15 +217,18 @@ sensors.twist = {spring_torque = "hinge"}
         assert name in said.split("\n"), name
 
 
-@pytest.mark.parametrize("apart, meets", [("0 mm", True), ("1 mm", False)])
-def test_points_of_a_spring_must_not_meet_in_a_run_either(apart, meets):
-    """Two blocks on a spring that pass each other, on one line or beside each other: on one line the force jumps."""
+@pytest.mark.parametrize("apart, more, meets", [
+    ("0 mm", 'length = "20 mm"', True), ("1 mm", 'length = "20 mm"', False), ("0 mm", "damping = 3", False),
+])  # fmt: skip
+def test_points_of_a_spring_must_not_meet_in_a_run_either(apart, more, meets):
+    """Two blocks on a spring that pass each other, on one line or beside each other: on one line its force jumps, but
+    not that of a damper."""
     scene = scene_of(machine(
         ground=dict(far=["0 m", apart]), bodies=dict(block='mass = "1 kg"', other='mass = "1 kg"'),
         joints=dict(slide="prismatic ground block, direction = [1, 0]",
                     track="prismatic ground.far other, direction = [1, 0]"),
         drives=dict(slide='free = true, position = "50 mm", initial_speed = "-1 m/s"', track="free = true"),
-        springs=dict(band='between = ["block", "other"], stiffness = "2000 N/m", length = "20 mm"'),
+        springs=dict(band='between = ["block", "other"], stiffness = "2000 N/m", ' + more),
         solve=dict(preset="coupled", duration="0.2 s", steps=100),
     ))  # fmt: skip
     if not meets:

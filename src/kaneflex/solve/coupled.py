@@ -71,7 +71,7 @@ def simulate_coupled(
         trajectory.curve.turned = near[1]
     found = until_stop(result_of(model, trajectory, time.perf_counter() - started))
     if model.coupled is not None:
-        check_directions(model.scene, found.times, found.motion.place)
+        check_directions(model.scene, found.times, found.motion.place, damped=False)  # force of dampers is continuous
     return found
 
 

@@ -112,14 +112,17 @@ def _check_springs(model: Model) -> None:
         check_directions(model.scene, rigid.times, lambda body, at: rigid.frame(body).place(at))
 
 
-def check_directions(scene: Scene, times: np.ndarray, place: Callable[[str, Vector], np.ndarray]) -> None:
-    """Raise SceneError if the ends of a spring with free length or damper meet: its direction is undefined there.
+def check_directions(
+    scene: Scene, times: np.ndarray, place: Callable[[str, Vector], np.ndarray], damped: bool = True
+) -> None:
+    """Raise SceneError if the ends of a spring with free length or, if ``damped``, damper meet: its direction is
+    undefined there.
 
     ``place``: function that gives the positions of a body's point at ``times`` [s], (D, n_times).
     """
     from kaneflex.mechanism.springs import points_meet
 
-    directed = {name: s for name, s in scene.springs.items() if s.between and (s.length or s.damping)}
+    directed = {name: s for name, s in scene.springs.items() if s.between and (s.length or (damped and s.damping))}
     for name, spring in directed.items():
         start, end = (place(address.body, scene.point(address)) for address in spring.between)
         d = end - start
