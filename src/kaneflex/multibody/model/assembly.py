@@ -120,10 +120,11 @@ def _system(
 def with_apart_masses(mechanism: NumericMechanism) -> NumericMechanism:
     """Mechanism with rigid bodies, held by welds, in place of the lumped masses of deforming bodies, as in space: their
     inertia is that of their own motion, of which the numbers of a deforming body leave out squares of its shortening.
+    Rotary inertia without mass stays.
     """
     bodies, joints, masses = dict(mechanism.bodies), dict(mechanism.joints), dict(mechanism.masses)
     for name, mass in mechanism.masses.items():
-        if mass.point.body in mechanism.deforming:
+        if mass.mass and mass.point.body in mechanism.deforming:
             body = f"masses.{name}"
             bodies[body] = Body(body, False, mass.mass, (0.0, 0.0), mass.inertia)
             joints[body] = Joint(body, "weld", mass.point, BodyPoint(body, "start", (0.0, 0.0)))

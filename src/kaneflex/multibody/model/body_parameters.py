@@ -40,7 +40,14 @@ class Blocks:
         if shapes is None:
             return body_numbers(self.mechanism, name)
         data = link_data(shapes) if isinstance(shapes, Shapes) else self.mechanism.deforming[name].modal
-        return shaped_numbers(data.arrays)
+        assert data is not None  # or the body had no shapes
+        moments = dict(data.arrays)
+        for lumped in self.mechanism.masses.values():  # of rotary inertia alone
+            if lumped.point.body == name:
+                J, psi = lumped.inertia, data.arrays["psi"][data.points.index(lumped.point.name)]
+                more = {"inertia": J, "inertia_psi": J * psi, "inertia_psi_psi": J * np.outer(psi, psi)}
+                moments |= {key: moments[key] + each for key, each in more.items()}
+        return shaped_numbers(moments)
 
     def is_light(self, numbers: np.ndarray | None) -> bool:
         """True if a body with these numbers has no mass, or no inertia about some axis."""
