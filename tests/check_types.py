@@ -16,7 +16,7 @@ BASELINE = {
     "fem": 12,
     "integrate": 10,
     "mechanism": 1,
-    "multibody": 26,
+    "multibody": 25,
     "plots": 29,
     "report": 5,
     "response": 18,
