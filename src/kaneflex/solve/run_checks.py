@@ -43,7 +43,10 @@ elements, and a crankshaft with 60 elements per journal."""
 def check_laws(model: Model) -> None:
     """Raise SceneError, which names the entry and the time, unless springs have directions and laws are finite over a
     run; the model needs no equations."""
-    _check_springs(model)
+    if model.scene.springs:  # where free joints are known only after the run, just at the start
+        known = 0.0 if _moves_freely(model) and model.coupled_in_space is None else model.options.duration
+        rigid = model.motion.at(model.motion.begin + np.linspace(0.0, known, SWEEP + 1))
+        check_directions(model.scene, rigid.times, lambda body, at: rigid.frame(body).place(at))
     _check_finite(model)
 
 
@@ -102,14 +105,6 @@ def refuse_unrepeated(reason: str | None) -> None:
 def _moves_freely(model: Model) -> bool:
     """True under preset coupled with free joints or bodies: the motion in the plane is known only after the run."""
     return model.options.dynamics == "coupled" and bool(model.scene.floating or model.scene.free_joints)
-
-
-def _check_springs(model: Model) -> None:
-    """Check springs along the rigid motion; where free joints are known only after the run, just at the start."""
-    if model.scene.springs:
-        known = 0.0 if _moves_freely(model) and model.coupled_in_space is None else model.options.duration
-        rigid = model.motion.at(model.motion.begin + np.linspace(0.0, known, SWEEP + 1))
-        check_directions(model.scene, rigid.times, lambda body, at: rigid.frame(body).place(at))
 
 
 def check_directions(
